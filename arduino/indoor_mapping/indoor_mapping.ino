@@ -1,0 +1,3 @@
+#include "src/hal/hal.h"
+void setup() { hal::begin(); }
+void loop() { hal::spin(); }

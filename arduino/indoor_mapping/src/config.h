@@ -1,0 +1,82 @@
+// Every number of the firmware, in one place. Where a comment says `= ...`, the same number stands in
+// common/constants.py (converted as the comment says); a test compares the two.
+// Units in the names: mm, ms, us, cdeg = 0.01 deg, cdps = 0.01 deg/s, mm_s, q8 = times 256.
+#pragma once
+#include <stdint.h>
+
+namespace config {
+
+// Body
+static const int32_t kHullRadius_mm = 220;           // = HULL_RADIUS_M * 1000
+static const int32_t kSonarRingRadius_mm = 70;       // = SONAR_RING_RADIUS_M * 1000
+static const int32_t kWheelTrack_mm = 300;           // = WHEEL_TRACK_M * 1000
+static const int32_t kWheelDiameter_um = 66000;      // = WHEEL_DIAMETER_M * 1e6
+static const int32_t kEncoderTicksPerTurn = 1440;    // = ENCODER_TICKS_PER_TURN
+static const int32_t kTick_nm = 143990;              // = TICK_M * 1e9
+
+// Speeds
+static const int32_t kSpeedMedium_mm_s = 160;        // = SPEED_MEDIUM_M_S * 1000
+static const int32_t kSpeedHigh_mm_s = 500;          // = SPEED_HIGH_M_S * 1000
+static const int32_t kSpeedLimit_mm_s = 300;         // = SPEED_LIMIT_M_S * 1000
+static const int32_t kAcceleration_mm_s2 = 300;
+static const int32_t kHardBraking_mm_s2 = 2400;      // heartbeats lost, contact: HIGH to nothing in 125 ms
+
+// Heading
+static const int32_t kTurnOnSpot_cdeg = 1500;        // = degrees(TURN_ON_SPOT_RAD) * 100
+static const int32_t kTurnRateMax_cdps = 6000;
+static const int32_t kTurnBraking_cdps2 = 6000;      // planned; the wheels can do more
+static const int32_t kTurnLead_ms = 120;             // how far the wheels lag behind their set-point
+static const int32_t kTurnRateMin_cdps = 200;
+static const int32_t kTurnDone_cdeg = 50;            // half of k_angle_error
+static const int32_t kTurnSettle_ms = 120;
+static const int32_t kTurnTimeout_ms = 20000;
+static const int32_t kHoldRateMax_cdps = 3000;
+static const int32_t kTurnAcceleration_cdps2 = 12000;
+
+// Wheel speed control: PWM = dead zone + feed-forward * speed + PI of the error
+static const int32_t kPwmDeadZone = 15;
+static const int32_t kPwmFeedForward_q8 = 158;       // (200 - 15) / 300 PWM per mm/s
+static const int32_t kPwmProportional_q8 = 90;       // 0.35 PWM per mm/s
+static const int32_t kPwmIntegral_q16 = 2000;        // 3 PWM per mm/s and second, at 100 Hz
+static const int32_t kPwmIntegralMax = 90;
+
+// Contact (CAR_MR_04)
+static const int32_t kSafeDistance_mm = 50;          // = SAFE_DISTANCE_M * 1000
+static const int32_t kClearDistance_mm = 80;         // backing off ends beyond this
+static const int32_t kBackOffSpeed_mm_s = 70;
+static const int32_t kBackOffMax_mm = 300;
+static const int32_t kBackOffMin_mm = 40;            // bumper and cliff: let go, and a bit more
+static const uint8_t kContactReadings = 2;           // in a row: a single early echo only makes it pause
+
+// Sonars (LV-MaxSonar)
+static const uint8_t kSonarCount = 5;                // = SONAR_COUNT
+static const uint16_t kSonarCycle_ms = 49;
+static const uint16_t kSonarPowerUp_ms = 250;
+static const uint16_t kSonarNothing_us = 37400;      // longer pulses: nothing heard
+static const uint16_t kSonarAgeMax_ms = 250;         // = SONAR_AGE_MAX_S * 1000
+static const uint16_t kSonarSilent_ms = 1000;
+
+// Gyro (MPU-6050, +-500 deg/s)
+static const int32_t kGyroLsbPer10Dps = 655;         // 65.5 per deg/s
+static const uint16_t kGyroBootSamples = 200;
+static const int16_t kGyroBootSpread_lsb = 131;      // 2 deg/s from the lowest to the highest: it stands still
+static const int16_t kGyroStillGate_lsb = 66;        // 1 deg/s from the bias: still standing
+static const uint16_t kStandstill_ms = 200;          // no tick for this long
+static const uint16_t kImuSilent_ms = 50;
+
+// Safety chain
+static const uint16_t kHeartbeatTimeout_ms = 250;    // = HEARTBEAT_TIMEOUT_S * 1000
+static const uint16_t kDriverOff_ms = 380;           // since the last heartbeat
+static const uint16_t kDisarm_ms = 1000;             // = DISARM_TIMEOUT_S * 1000
+
+// Faults
+static const int32_t kEncoderDeadPwm = 80;           // driven this hard ...
+static const uint16_t kEncoderDead_ms = 500;         // ... for this long without a tick
+static const uint16_t kBatteryLow_mv = 10500;        // 0 mV = not wired
+
+// Rhythm
+static const uint16_t kTick_ms = 10;
+static const uint8_t kReportTicks = 10;              // = 100 / SENSOR_RATE_HZ
+static const uint16_t kHello_ms = 1000;
+
+}  // namespace config

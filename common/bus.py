@@ -1,0 +1,106 @@
+"""The bus a process sees: publish to a topic, look at the newest, take everything new, judge age and validity.
+
+`LocalBus` joins nodes inside one program (`simulate`, tests); `ZenohBus` joins processes. A node cannot tell which.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+from common.messages import Topic
+
+P = TypeVar("P")
+
+# An input is alive while its newest message is younger than this many periods of its declared rate
+ALIVE_PERIODS = 3.0
+QUEUE_LENGTH = 256
+
+
+class Bus(Protocol):
+    """What a node may ask of the mesh. Ages are judged by arrival, on the clock of the receiver."""
+
+    def publish(self, topic: Topic[P], payload: P) -> None: ...
+
+    def latest(self, topic: Topic[P]) -> P | None:
+        """The newest message of a topic, or None when none came yet."""
+
+    def take(self, topic: Topic[P]) -> list[P]:
+        """Every message that came since the last call, oldest first (at most QUEUE_LENGTH are kept)."""
+
+    def age_s(self, topic: Topic[Any]) -> float:
+        """How long ago the newest message came; infinite when none did."""
+
+
+def alive(bus: Bus, topic: Topic[Any]) -> bool:
+    """The newest message is fresh for the topic's declared rate."""
+    return bus.age_s(topic) <= ALIVE_PERIODS / topic.rate_hz
+
+
+def alive_and_valid(bus: Bus, topic: Topic[Any]) -> bool:
+    """Fresh, and its sender stands behind it: what an output may rest on."""
+    newest = bus.latest(topic)
+    return newest is not None and bool(newest.valid) and alive(bus, topic)
+
+
+@dataclass(slots=True)
+class _Inbox:
+    newest: Any = None
+    arrived_s: float = float("-inf")
+
+
+class LocalMesh:
+    """Joins the buses of nodes that run in one program; messages are passed as they are, in order."""
+
+    def __init__(self) -> None:
+        self._endpoints: list[LocalBus] = []
+        self.now_s = 0.0
+
+    def endpoint(self, name: str) -> LocalBus:
+        bus = LocalBus(self, name)
+        self._endpoints.append(bus)
+        return bus
+
+    def deliver(self, topic: Topic[Any], payload: Any) -> None:
+        for endpoint in self._endpoints:
+            endpoint._receive(topic, payload)
+
+
+class LocalBus:
+    """One node's end of a `LocalMesh`. Queues begin with the first `take` of a topic: nothing is kept for nobody."""
+
+    def __init__(self, mesh: LocalMesh, name: str) -> None:
+        self._mesh = mesh
+        self.name = name
+        self._inboxes: dict[str, _Inbox] = {}
+        self._queues: dict[str, deque[Any]] = {}
+
+    def publish(self, topic: Topic[P], payload: P) -> None:
+        self._mesh.deliver(topic, payload)
+
+    def latest(self, topic: Topic[P]) -> P | None:
+        inbox = self._inboxes.get(topic.key)
+        newest: P | None = inbox.newest if inbox else None
+        return newest
+
+    def take(self, topic: Topic[P]) -> list[P]:
+        queue = self._queues.get(topic.key)
+        if queue is None:
+            self._queues[topic.key] = deque(maxlen=QUEUE_LENGTH)
+            newest = self.latest(topic)
+            return [] if newest is None else [newest]
+        messages: list[P] = list(queue)
+        queue.clear()
+        return messages
+
+    def age_s(self, topic: Topic[Any]) -> float:
+        inbox = self._inboxes.get(topic.key)
+        return self._mesh.now_s - inbox.arrived_s if inbox else float("inf")
+
+    def _receive(self, topic: Topic[Any], payload: Any) -> None:
+        inbox = self._inboxes.setdefault(topic.key, _Inbox())
+        inbox.newest, inbox.arrived_s = payload, self._mesh.now_s
+        queue = self._queues.get(topic.key)
+        if queue is not None:
+            queue.append(payload)

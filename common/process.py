@@ -1,0 +1,187 @@
+"""One process = one node: arguments, configuration, log, clock, signals, the rate of its steps, and its exit code.
+
+Exit codes: 0 ended as asked, 1 unexpected error (in the log), 2 cannot begin as asked (one sentence on stderr).
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import logging
+import logging.handlers
+import os
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import zenoh
+
+from common.bus import Bus
+from common.clock import Clock, FollowerClock, FreeClock, LeaderClock
+from common.config import Config, load_config
+from common.errors import StartError
+from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick, LogLine
+from common.zenoh_bus import Mode, ZenohBus
+
+_PR_SET_PDEATHSIG = 1
+_CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skips steps instead of making them up
+_LOG_FILE_BYTES = 2_000_000
+
+
+class Node(Protocol):
+    """What a process does. Never asks the time, never sees where its bus ends."""
+
+    name: str
+    period_s: float
+
+    def step(self, bus: Bus, now_s: float) -> None: ...
+
+    def close(self) -> None: ...
+
+
+Factory = Callable[[Config, argparse.Namespace], Node]
+
+
+class BusLogHandler(logging.Handler):
+    """Keeps log records for the node's own thread to publish as `LOG[module]`."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._records: deque[tuple[str, str]] = deque(maxlen=200)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._records.append((record.levelname, record.getMessage()))
+
+    def flush_to(self, bus: Bus, module: str, now_s: float) -> None:
+        while self._records:
+            level, text = self._records.popleft()
+            bus.publish(LOG[module], LogLine(now_s, level, text))
+
+
+def argument_parser(name: str) -> argparse.ArgumentParser:
+    """The arguments that every process takes; a process may add its own before `run`."""
+    parser = argparse.ArgumentParser(prog=name)
+    parser.add_argument("--config", type=Path, help="robot.toml; without it, the defaults")
+    parser.add_argument("--log-dir", type=Path, help="folder for the log file and for what must outlive a restart")
+    parser.add_argument("--clock", choices=("free", "shared"), default="free")
+    parser.add_argument("--speed", type=float, default=1.0, help="pace of the shared clock, for the one that leads it")
+    parser.add_argument("--parent", type=int, help="process id with whose end this one ends")
+    return parser
+
+
+def run(
+    name: str,
+    factory: Factory,
+    argv: list[str] | None = None,
+    *,
+    parser: argparse.ArgumentParser | None = None,
+    mode: Mode = "peer",
+    leads_clock: bool = False,
+) -> int:
+    """Runs one node until SIGTERM, SIGINT or an error; returns the exit code."""
+    arguments = (parser or argument_parser(name)).parse_args(argv)
+    if arguments.parent is not None:
+        _end_with(arguments.parent)
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    log = logging.getLogger(name)
+    node: Node | None = None
+    bus: ZenohBus | None = None
+    code, clean = 0, True
+    try:
+        bus_log = _set_up_log(name, arguments.log_dir)
+        config = load_config(arguments.config)
+        node = factory(config, arguments)
+        clock = _make_clock(arguments, leads_clock)
+        bus = ZenohBus(name, config, clock, mode)
+        _join_clock(clock, bus, name)
+        log.info("started pid=%d config=%s", os.getpid(), arguments.config)
+        _loop(node, bus, clock, stop, bus_log)
+        log.info("ended")
+    except Exception as error:
+        code = 2 if bus is None and isinstance(error, (StartError, OSError)) else 1
+        if code == 2:
+            sys.stderr.write(f"{name}: {error}\n")
+        if code == 1 or arguments.log_dir is not None:
+            log.error("cannot go on", exc_info=error)
+    finally:
+        try:
+            if node is not None:
+                node.close()
+        finally:
+            clean = bus is None or bus.close()
+    if not clean:
+        # Zenoh still waits for a frozen neighbour; its threads must not meet an interpreter that is being taken down
+        logging.shutdown()
+        os._exit(code)
+    return code
+
+
+def _loop(node: Node, bus: ZenohBus, clock: Clock, stop: threading.Event, bus_log: BusLogHandler) -> None:
+    log = logging.getLogger(node.name)
+    due_s = clock.begin(stop)
+    late = False
+    while True:
+        now_s = clock.wait_until(due_s, stop)
+        if stop.is_set():
+            return
+        node.step(bus, now_s)
+        if node.name in LOG:
+            bus_log.flush_to(bus, node.name, now_s)
+        due_s = round(due_s + node.period_s, 9)
+        behind_s = clock.now_s() - due_s
+        was_late, late = late, behind_s > max(_CATCH_UP_S, 5 * node.period_s)
+        if late:
+            due_s = clock.now_s()
+            if not was_late:
+                log.warning("late behind_s=%.3f period_s=%.3f", behind_s, node.period_s)
+
+
+def _make_clock(arguments: argparse.Namespace, leads: bool) -> Clock:
+    if arguments.clock == "free":
+        return FreeClock()
+    return LeaderClock(arguments.speed) if leads else FollowerClock()
+
+
+def _join_clock(clock: Clock, bus: ZenohBus, name: str) -> None:
+    if isinstance(clock, FollowerClock):
+        clock.send_ack = lambda t_s: bus.publish(CLOCK_ACK, ClockAck(t_s, name))
+        bus.listen(CLOCK, lambda tick: clock.tick(tick.t_s))
+    elif isinstance(clock, LeaderClock):
+        speed = clock.speed
+        clock.send_tick = lambda t_s: bus.publish(CLOCK, ClockTick(t_s, speed))
+        bus.listen(CLOCK_ACK, lambda ack: clock.ack(ack.module, ack.t_s))
+
+
+def _set_up_log(name: str, folder: Path | None) -> BusLogHandler:
+    """Everything from INFO on into the file (or to stderr without a folder) and to the bus; Zenoh's own errors too."""
+    zenoh.init_log_from_env_or("error")
+    handler: logging.Handler = logging.StreamHandler()
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        handler = logging.handlers.RotatingFileHandler(folder / f"{name}.log", maxBytes=_LOG_FILE_BYTES, backupCount=2)
+    handler.setFormatter(_MonotonicFormatter("%(monotonic)s %(levelname)s %(name)s %(message)s"))
+    bus_log = BusLogHandler()
+    logging.basicConfig(level=logging.INFO, handlers=[handler, bus_log], force=True)
+    return bus_log
+
+
+class _MonotonicFormatter(logging.Formatter):
+    """Stamps with the monotonic clock: a board without a clock battery jumps in wall time."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        record.monotonic = f"{time.monotonic():.3f}"
+        return super().format(record)
+
+
+def _end_with(parent: int) -> None:
+    """The kernel kills this process when its parent ends, however that ends."""
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        sys.exit(0)

@@ -1,0 +1,66 @@
+"""How every module says ten times a second that it lives (CC_MR_03): its state, error code, memory and beats.
+
+A node calls `report` in every step -> `STATUS[module]`, read by the watchdog of comm, the recorder, the command center.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from pathlib import Path
+
+from common.bus import Bus, LocalBus
+from common.constants import STATUS_RATE_HZ
+from common.errors import ErrorCode
+from common.messages import STATUS, Status
+
+_STATM = Path("/proc/self/statm")
+# A step that comes a little early still counts, or a node of 0.1 s period would report at half the rate
+_EARLY_S = 0.005
+
+
+def resident_memory_kb() -> int:
+    """Memory that this process holds now; 0 where the system does not tell."""
+    try:
+        return int(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
+    except OSError:
+        return 0
+
+
+class StatusReporter:
+    """Counts the passes of a node's loop and publishes its status at STATUS_RATE_HZ, and at once when it changes."""
+
+    def __init__(self, module: str) -> None:
+        self._topic = STATUS[module]
+        self._log = logging.getLogger(module)
+        self._beats = 0
+        self._due_s = float("-inf")
+        self._last: tuple[str, ErrorCode, bool] | None = None
+
+    def report(
+        self,
+        bus: Bus,
+        now_s: float,
+        *,
+        state: str,
+        error: ErrorCode = ErrorCode.OK,
+        ready: bool,
+        detail: str = "",
+        memory_kb: int | None = None,
+    ) -> None:
+        """To be called in every step; `memory_kb` where it is not this process's own (SIM and Carrier: free SRAM)."""
+        self._beats += 1
+        current = (state, error, ready)
+        changed = current != self._last
+        if not changed and now_s < self._due_s - _EARLY_S:
+            return
+        if changed:
+            self._log.info("state=%s error=%s ready=%s %s", state, error.name, ready, detail)
+        if memory_kb is None:
+            # Nodes in lockstep share one process: none has memory of its own, and a run must repeat to the bit
+            memory_kb = 0 if isinstance(bus, LocalBus) else resident_memory_kb()
+        period_s = 1.0 / STATUS_RATE_HZ
+        on_time = not changed and now_s - self._due_s < period_s
+        self._due_s = (self._due_s if on_time else now_s) + period_s
+        self._last = current
+        bus.publish(self._topic, Status(now_s, state, int(error), memory_kb, ready, self._beats, detail))

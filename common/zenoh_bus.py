@@ -1,0 +1,358 @@
+"""The bus between processes: Zenoh below the same `Bus` protocol as `LocalBus`.
+
+A node's thread calls `publish`, `latest`, `take`, `age_s`; Zenoh's threads only store raw bytes with their time of
+arrival, which are decoded when the node looks. comm opens mode "router" on loopback, the others are peers that find
+each other through it (gossip) and keep their links when it goes. The stop path has a session, hence a TCP connection,
+of its own: priorities cannot overtake bytes that already sit in a TCP buffer.
+
+STATE topics: the publisher answers a query with everything since its newest full snapshot; a subscriber asks when it
+joins, when the publisher appears, and when a sequence number is missing, and keeps what comes live until the answer.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar
+
+import msgpack
+import zenoh
+
+from common.bus import QUEUE_LENGTH
+from common.clock import Clock
+from common.codec import DecodeError, Envelope, decode, encode
+from common.config import Config
+from common.errors import StartError
+from common.messages import STOP, Stance, Topic
+
+P = TypeVar("P")
+Mode = Literal["peer", "client", "router"]
+
+LEASE_MS = 400  # what a frozen process costs at most until its links and tokens are given up
+_QUERY_TIMEOUT_S = 1.0
+_QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all the time
+_KNOWN_BOOTS = 16
+_CLOSE_TIMEOUT_S = 1.0
+
+_log = logging.getLogger(__name__)
+
+_PRIORITY = {
+    Stance.COMMAND: zenoh.Priority.REAL_TIME,
+    Stance.LATEST: zenoh.Priority.DATA_HIGH,
+    Stance.EVENT: zenoh.Priority.DATA,
+    Stance.STATE: zenoh.Priority.DATA_LOW,
+}
+# Only what must not be lost may make its sender wait, and then no longer than the lease
+_CONGESTION = {
+    stance: zenoh.CongestionControl.BLOCK if stance is Stance.EVENT else zenoh.CongestionControl.DROP
+    for stance in Stance
+}
+
+
+def session_config(mode: Mode, router: str) -> zenoh.Config:
+    """What every session of the loopback mesh shares. Multicast and shared memory fail in containers, hence neither."""
+    values: dict[str, Any] = {
+        "mode": mode,
+        "listen/endpoints": {"router": [router], "peer": ["tcp/127.0.0.1:0"], "client": []}[mode],
+        "connect/endpoints": [] if mode == "router" else [router],
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": True,
+        "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
+        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/keep_alive": 4,
+        "transport/link/tx/queue/size/real_time": 16,
+        "transport/shared_memory/enabled": False,
+    }
+    if mode == "client":
+        values |= {"connect/timeout_ms": 1500, "connect/exit_on_failure": True}
+    config = zenoh.Config()
+    for key, value in values.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _open(mode: Mode, router: str) -> zenoh.Session:
+    try:
+        return zenoh.open(session_config(mode, router))
+    except zenoh.ZError as error:
+        if mode == "router":
+            hint = "another mesh uses it; stop that one, or give this one another [mesh] router in robot.toml"
+            raise StartError(f"Cannot listen on {router}: {hint}.") from error
+        raise StartError(f"No mesh answers at {router}: start it, or correct [mesh] router in robot.toml.") from error
+
+
+@dataclass(slots=True)
+class _Inbox:
+    """What came of one topic. `lock` guards `pending` and `replies`, which Zenoh's threads write."""
+
+    topic: Topic[Any]
+    pending: deque[tuple[float, bytes]]
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    replies: list[tuple[float, bytes]] = field(default_factory=list)
+    query_due: bool = False
+    query_running: bool = False
+    query_answered: bool = False
+    asked_wall_s: float = float("-inf")
+    newest: Any = None
+    arrived_s: float = float("-inf")
+    queue: deque[Any] | None = None
+    sequences: dict[int, int] = field(default_factory=dict)  # boot id -> newest sequence number
+    subscriber: Any = None
+
+
+@dataclass(slots=True)
+class _Outbox:
+    publisher: Any
+    sequence: int = 0
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    history: list[bytes] = field(default_factory=list)  # STATE: everything since the newest full snapshot
+    queryable: Any = None
+
+
+class ZenohBus:
+    """One process's end of the mesh. Close it in `finally`: an open session keeps a dead process's token up.
+
+    Raises StartError when the router's port is taken, and in mode "client" when no router answers. A peer needs none.
+    """
+
+    def __init__(self, name: str, config: Config, clock: Clock, mode: Mode = "peer") -> None:
+        self.name = name
+        self.decode_errors: dict[str, int] = {}
+        self._clock = clock
+        self._robot = config.robot.name
+        self._boot_id = secrets.randbits(48)
+        self._inboxes: dict[str, _Inbox] = {}
+        self._outboxes: dict[str, _Outbox] = {}
+        self._tokens: set[str] = set()
+        self._session = _open(mode, config.mesh.router)
+        self._stop_session = self._session
+        self._token: Any = None
+        try:
+            if mode == "peer" and name in (STOP.producer, *STOP.consumers):
+                self._stop_session = _open(mode, config.mesh.router)
+            self._token_watch = self._session.liveliness().declare_subscriber(
+                f"{self._robot}/*/alive", _direct(self._on_token), history=True
+            )
+            if mode != "client":
+                self._token = self._session.liveliness().declare_token(f"{self._robot}/{name}/alive")
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> bool:
+        """Leaves the mesh; to be called once more does no harm. False when Zenoh is not done yet.
+
+        It waits 10 s for a frozen neighbour to take the farewell: the lease tells that one as well, so it is left.
+        """
+        closers = [
+            threading.Thread(target=_close, args=(session,), daemon=True)
+            for session in {id(s): s for s in (self._stop_session, self._session)}.values()
+        ]
+        for closer in closers:
+            closer.start()
+        deadline_s = time.monotonic() + _CLOSE_TIMEOUT_S
+        for closer in closers:
+            closer.join(max(0.0, deadline_s - time.monotonic()))
+        return not any(closer.is_alive() for closer in closers)
+
+    def alive_tokens(self) -> frozenset[str]:
+        """The modules whose Zenoh runtime lives; that says nothing yet about their own loop."""
+        return frozenset(self._tokens.copy())
+
+    def publish(self, topic: Topic[P], payload: P) -> None:
+        outbox = self._outboxes.get(topic.key)
+        if outbox is None:
+            outbox = self._outboxes[topic.key] = self._declare(topic)
+        outbox.sequence += 1
+        data = encode(payload, outbox.sequence, self._boot_id)
+        if topic.stance is Stance.STATE:
+            with outbox.lock:
+                # An increment (`MapUpdate.start` > 0) is worth nothing without what it goes on from
+                if not getattr(payload, "start", 0):
+                    outbox.history.clear()
+                outbox.history.append(data)
+        outbox.publisher.put(data)
+
+    def latest(self, topic: Topic[P]) -> P | None:
+        newest: P | None = self._drained(topic).newest
+        return newest
+
+    def take(self, topic: Topic[P]) -> list[P]:
+        inbox = self._drained(topic)
+        if inbox.queue is None:
+            inbox.queue = deque(maxlen=QUEUE_LENGTH)
+            with inbox.lock:
+                inbox.pending = deque(inbox.pending, maxlen=QUEUE_LENGTH)
+            return [] if inbox.newest is None else [inbox.newest]
+        messages: list[P] = list(inbox.queue)
+        inbox.queue.clear()
+        return messages
+
+    def age_s(self, topic: Topic[Any]) -> float:
+        return max(0.0, self._clock.now_s() - self._drained(topic).arrived_s)
+
+    def listen(self, topic: Topic[P], handler: Callable[[P], None]) -> None:
+        """Hands every message to `handler` on Zenoh's thread, for the shared clock: it must only store."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            envelope = self._decoded(topic, bytes(sample.payload))
+            if envelope is not None:
+                handler(envelope.payload)
+
+        subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(receive))
+        self._inboxes[topic.key] = _Inbox(topic, deque(maxlen=1), subscriber=subscriber)
+
+    # Sending
+
+    def _key(self, topic: Topic[Any]) -> str:
+        return f"{self._robot}/{topic.key}"
+
+    def _session_for(self, topic: Topic[Any]) -> zenoh.Session:
+        return self._stop_session if topic is STOP else self._session
+
+    def _declare(self, topic: Topic[Any]) -> _Outbox:
+        publisher = self._session_for(topic).declare_publisher(
+            self._key(topic), priority=_PRIORITY[topic.stance], congestion_control=_CONGESTION[topic.stance]
+        )
+        outbox = _Outbox(publisher)
+        if topic.stance is Stance.STATE:
+
+            def answer(query: zenoh.Query) -> None:
+                with outbox.lock:
+                    pack = msgpack.packb(outbox.history)
+                query.reply(self._key(topic), pack)
+
+            outbox.queryable = self._session.declare_queryable(self._key(topic), _direct(answer))
+        return outbox
+
+    # Receiving
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        module = str(sample.key_expr).split("/")[1]
+        if sample.kind == zenoh.SampleKind.DELETE:
+            self._tokens.discard(module)
+            return
+        self._tokens.add(module)
+        for inbox in list(self._inboxes.values()):
+            if inbox.topic.stance is Stance.STATE and inbox.topic.producer == module:
+                inbox.query_due = True
+
+    def _subscribe(self, topic: Topic[Any]) -> _Inbox:
+        newest_only = topic.stance is Stance.LATEST
+        inbox = _Inbox(topic, deque(maxlen=1 if newest_only else QUEUE_LENGTH))
+        inbox.query_due = topic.stance is Stance.STATE
+
+        def store(sample: zenoh.Sample) -> None:
+            arrival = (self._clock.now_s(), bytes(sample.payload))
+            with inbox.lock:
+                inbox.pending.append(arrival)
+
+        inbox.subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(store))
+        self._inboxes[topic.key] = inbox
+        return inbox
+
+    def _drained(self, topic: Topic[Any]) -> _Inbox:
+        """The topic's inbox with all that came decoded; while a query runs, what came live waits for its answer."""
+        inbox = self._inboxes.get(topic.key)
+        if inbox is None:
+            inbox = self._subscribe(topic)
+        # Asked again while nothing at all came: subscription and first message may have crossed on the way
+        empty = topic.stance is Stance.STATE and inbox.newest is None
+        if (inbox.query_due or empty) and not inbox.query_running:
+            self._ask(inbox)
+        if inbox.query_running or not (inbox.pending or inbox.replies):
+            return inbox
+        with inbox.lock:
+            replies, inbox.replies = inbox.replies, []
+            live = list(inbox.pending)
+            inbox.pending.clear()
+        answered, inbox.query_answered = inbox.query_answered, False
+        for arrived_s, pack in replies:
+            for data in self._unpacked(topic, pack):
+                self._accept(inbox, arrived_s, self._decoded(topic, data))
+        for i, (arrived_s, data) in enumerate(live):
+            envelope = self._decoded(topic, data)
+            if not answered and envelope is not None and self._misses_some(inbox, envelope):
+                inbox.query_due = True
+                with inbox.lock:
+                    inbox.pending = deque([*live[i:], *inbox.pending], maxlen=QUEUE_LENGTH)
+                return inbox
+            self._accept(inbox, arrived_s, envelope)
+        return inbox
+
+    def _unpacked(self, topic: Topic[Any], pack: bytes) -> list[bytes]:
+        try:
+            snapshot: list[bytes] = msgpack.unpackb(pack)
+        except (ValueError, msgpack.UnpackException) as error:
+            self._count_error(topic, error)
+            return []
+        return snapshot
+
+    def _decoded(self, topic: Topic[P], data: bytes) -> Envelope[P] | None:
+        try:
+            return decode(data, topic.payload)
+        except DecodeError as error:
+            self._count_error(topic, error)
+            return None
+
+    @staticmethod
+    def _misses_some(inbox: _Inbox, envelope: Envelope[Any]) -> bool:
+        seen = inbox.sequences.get(envelope.boot_id, 0)
+        return inbox.topic.stance is Stance.STATE and envelope.sequence > seen + 1
+
+    @staticmethod
+    def _accept(inbox: _Inbox, arrived_s: float, envelope: Envelope[Any] | None) -> None:
+        if envelope is None or envelope.sequence <= inbox.sequences.get(envelope.boot_id, 0):
+            return
+        if envelope.boot_id not in inbox.sequences and len(inbox.sequences) >= _KNOWN_BOOTS:
+            inbox.sequences.pop(next(iter(inbox.sequences)))
+        inbox.sequences[envelope.boot_id] = envelope.sequence
+        inbox.newest, inbox.arrived_s = envelope.payload, arrived_s
+        if inbox.queue is not None:
+            inbox.queue.append(envelope.payload)
+
+    def _ask(self, inbox: _Inbox) -> None:
+        wall_s = time.monotonic()
+        if wall_s - inbox.asked_wall_s < _QUERY_PAUSE_S:
+            return
+        inbox.asked_wall_s, inbox.query_due, inbox.query_running = wall_s, False, True
+
+        def store(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                arrival = (self._clock.now_s(), bytes(reply.ok.payload))
+                with inbox.lock:
+                    inbox.replies.append(arrival)
+
+        def finished() -> None:
+            inbox.query_answered = True
+            inbox.query_running = False
+
+        self._session.get(
+            self._key(inbox.topic),
+            zenoh.handlers.Callback(store, finished, indirect=False),
+            timeout=_QUERY_TIMEOUT_S,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+
+    def _count_error(self, topic: Topic[Any], error: Exception) -> None:
+        count = self.decode_errors[topic.key] = self.decode_errors.get(topic.key, 0) + 1
+        if count == 1:
+            _log.warning("undecodable topic=%s error=%s", topic.key, error)
+
+
+def _close(session: zenoh.Session) -> None:
+    with suppress(zenoh.ZError):
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def _direct(function: Callable[[Any], None]) -> Any:
+    # On Zenoh's own thread: a Python thread per subscriber would have to be joined before the process can end
+    return zenoh.handlers.Callback(function, indirect=False)

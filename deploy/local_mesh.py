@@ -1,0 +1,252 @@
+"""`indoor-mapping local`: the whole mesh as real processes on loopback, with the simulator behind a serial port.
+
+Everything of the run stands in the run folder; what only the processes need (robot.toml, logs, serial port, stop
+record) in its `process` folder.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from common.clock import FreeClock
+from common.config import BridgeSection, Config, MeshSection, config_text
+from common.constants import STARTUP_GRACE_S
+from common.errors import StartError
+from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, PlannerView
+from common.zenoh_bus import ZenohBus
+from deploy.process_table import PROCESSES, ProcessSpec
+from deploy.supervisor import ProcessFailed, Supervisor
+from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
+from offboard.tools.summary import RunFacts, write_summary
+
+SERIAL_WAIT_S = 30.0
+END_TIMEOUT_S = 5.0
+RECORDER_TIMEOUT_S = 30.0
+_POLL_S = 0.1
+_PROGRESS_PERIOD_S = 5.0
+_START_PERIOD_S = 0.5
+_WAITING = "WAITING"  # the planner's mode before a start
+
+_log = logging.getLogger("local")
+
+
+class Interrupted(Exception):
+    """Somebody wants the mesh to end before the mission does."""
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def usual_endpoint() -> str:
+    """The router's usual address where it is free, so that `estop` and the others need no configuration; else any."""
+    usual = MeshSection().router
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", int(usual.rsplit(":", 1)[1])))
+        except OSError:
+            return free_endpoint()
+    return usual
+
+
+def run_local(options: RunOptions) -> int:
+    """Runs the mesh until the mission is finished or somebody ends it; returns the exit code."""
+    load_world(options)
+    if importlib.util.find_spec("mujoco") is None:
+        raise StartError("The simulator needs MuJoCo: run ./deploy/local.sh --setup-only once.")
+    folder = prepare_folder(options).resolve()
+    (folder / "process").mkdir(exist_ok=True)
+    _set_up_log(folder / "process" / "local.log")
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    mesh = LocalRun(options, folder, stop)
+    try:
+        return mesh.run()
+    except Interrupted:
+        print("Ended before the mission was finished.", file=sys.stderr)
+        return 130
+    except ProcessFailed as failure:
+        print(failure, file=sys.stderr)
+        return failure.exit_code
+    finally:
+        mesh.close()
+
+
+def _set_up_log(file: Path) -> None:
+    console = logging.StreamHandler()
+    console.setLevel(logging.WARNING)
+    logging.basicConfig(
+        level=logging.INFO, format="%(levelname)s %(name)s %(message)s", handlers=[logging.FileHandler(file), console]
+    )
+
+
+class LocalRun:
+    """One run of the mesh. `run` once, then `close`."""
+
+    def __init__(self, options: RunOptions, folder: Path, stop: threading.Event) -> None:
+        self._options = options
+        self._folder = folder
+        self._stop = stop
+        self._work = folder / "process"
+        self._serial = self._work / "serial"
+        for left_over in (self._serial, self._work / "stop_latch.json"):
+            left_over.unlink(missing_ok=True)
+        endpoint = free_endpoint() if options.headless else usual_endpoint()
+        self._config = Config(
+            mesh=MeshSection(router=endpoint),
+            bridge=BridgeSection(serial_port=str(self._serial)),
+        )
+        self._config_file = self._work / "robot.toml"
+        self._config_file.write_text(config_text(self._config), encoding="utf-8")
+        self._supervisor = Supervisor(self._work)
+        self._bus: ZenohBus | None = None
+        self._started_wall_s = time.monotonic()
+        self._began_s: float | None = None  # on the mission's clock
+
+    def run(self) -> int:
+        self._start_processes()
+        self._bus = bus = ZenohBus("command_center", self._config, FreeClock())
+        bus.latest(PLAN)
+        self._await_ready(bus)
+        self._supervisor.settled = True
+        print(f"All modules are ready; run folder {self._folder}", flush=True)
+        if self._options.headless:
+            self._start_mission(bus)
+        else:
+            print(f"Start the mission with: indoor-mapping start --config {self._config_file}", flush=True)
+        view = self._await_finish(bus)
+        print("The mission is finished.", flush=True)
+        self._end_in_order()
+        self._summarise(view)
+        return 0
+
+    def close(self) -> None:
+        """Ends every process that was started."""
+        if self._bus is not None:
+            self._bus.close()
+        self._supervisor.end("recorder", RECORDER_TIMEOUT_S)
+        self._supervisor.end_all(END_TIMEOUT_S)
+
+    def _start_processes(self) -> None:
+        for spec in PROCESSES:
+            if not spec.local:
+                continue
+            self._supervisor.start(spec.name, spec.module, self._arguments(spec), restart=spec.name != "simulator")
+            if spec.name == "simulator":
+                self._until(self._serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
+
+    def _arguments(self, spec: ProcessSpec) -> list[str]:
+        options = self._options
+        arguments = ["--config", str(self._config_file), "--log-dir", str(self._work)]
+        if options.speed != 1.0:
+            arguments += ["--clock", "shared"]
+        if spec.name == "recorder":
+            arguments += ["--run-dir", str(self._folder)]
+        if spec.name == "simulator":
+            arguments += ["--floor", str(options.floor.resolve()), "--start", str(options.start)]
+            arguments += ["--seed", str(options.seed), "--errors", options.errors, "--speed", str(options.speed)]
+            arguments += ["--camera", options.camera]
+            arguments += ["--run-dir", str(self._folder)]
+            if options.events is not None:
+                arguments += ["--events", str(options.events.resolve())]
+        return arguments
+
+    def _until(self, condition: Callable[[], bool], timeout_s: float, complaint: Callable[[], str]) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            self._supervisor.check()
+            if time.monotonic() > deadline_s:
+                raise ProcessFailed(complaint(), 1)
+            if self._stop.wait(_POLL_S):
+                raise Interrupted
+
+    def _await_ready(self, bus: ZenohBus) -> None:
+        def ready() -> bool:
+            permit, recorder = bus.latest(PERMIT), bus.latest(STATUS["recorder"])
+            return permit is not None and permit.granted and recorder is not None and recorder.ready
+
+        def complaint() -> str:
+            permit = bus.latest(PERMIT)
+            reason = permit.reason if permit is not None else "comm is silent"
+            return f"The modules did not become ready: {reason}; their logs are in {self._work}."
+
+        self._until(ready, STARTUP_GRACE_S, complaint)
+
+    def _start_mission(self, bus: ZenohBus) -> None:
+        next_s = 0.0
+
+        def started() -> bool:
+            nonlocal next_s
+            view = bus.latest(PLAN)
+            if view is not None and view.mode != _WAITING:
+                self._began_s = view.t_s
+                return True
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + _START_PERIOD_S
+                bus.publish(OPERATION, OperatorCommand(time.monotonic(), Operation.START))
+            return False
+
+        self._until(started, STARTUP_GRACE_S, lambda: "The planner did not take the start command.")
+        print("The mission has started.", flush=True)
+
+    def _await_finish(self, bus: ZenohBus) -> PlannerView:
+        next_s = time.monotonic() + _PROGRESS_PERIOD_S
+        while True:
+            self._supervisor.check()
+            view = bus.latest(PLAN)
+            if view is not None:
+                if self._began_s is None and view.mode != _WAITING:
+                    self._began_s = view.t_s
+                if view.finished:
+                    return view
+                if time.monotonic() >= next_s and self._began_s is not None:
+                    next_s = time.monotonic() + _PROGRESS_PERIOD_S
+                    self._print_progress(bus, view, view.t_s - self._began_s)
+            if self._stop.wait(_POLL_S):
+                raise Interrupted
+
+    @staticmethod
+    def _print_progress(bus: ZenohBus, view: PlannerView, mission_s: float) -> None:
+        permit = bus.latest(PERMIT)
+        standing = "" if permit is None or permit.granted else f", standing: {permit.reason}"
+        print(
+            f"{mission_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, {view.detail}{standing}",
+            flush=True,
+        )
+
+    def _end_in_order(self) -> None:
+        """The recorder first: it writes what it holds. Then the simulator, for the true path."""
+        if self._bus is not None:
+            self._bus.close()
+        self._supervisor.end("recorder", RECORDER_TIMEOUT_S)
+        self._supervisor.end("simulator", END_TIMEOUT_S)
+        self._supervisor.end_all(END_TIMEOUT_S)
+
+    def _summarise(self, view: PlannerView) -> None:
+        options = self._options
+        facts = RunFacts(
+            floor=options.floor.stem,
+            seed=options.seed,
+            start=options.start,
+            options=options.as_dict(),
+            finished=True,
+            reason=view.detail,
+            simulated_time_s=round(view.t_s - (self._began_s or view.t_s), 3),
+            wall_time_s=round(time.monotonic() - self._started_wall_s, 3),
+            steps={},
+        )
+        with suppress(OSError):
+            write_summary(self._folder, facts, floor_json(options))

@@ -1,0 +1,59 @@
+# Sourced by local.sh and test.sh: makes .venv with the pinned packages, once; sets ROOT and PYTHON.
+# A stamp keeps what was installed; as long as it fits, this costs a few milliseconds.
+
+ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+PYTHON="$ROOT/.venv/bin/python"
+DEBIAN_PACKAGES=(g++ libegl1 libgl1-mesa-dri)
+
+say() { printf '%s\n' "$*" >&2; }
+
+# Installs Debian packages, or says the one line that does
+need_debian() {
+    local install=(apt-get install -y --no-install-recommends "$@") sudo=()
+    if [ "$(id -u)" -ne 0 ]; then
+        if ! command -v sudo >/dev/null || ! sudo -n true 2>/dev/null; then
+            say "Please run this line, then start again: sudo apt-get update && sudo ${install[*]}"
+            exit 2
+        fi
+        sudo=(sudo -n)
+    fi
+    say "Installing Debian packages: $*"
+    "${sudo[@]}" apt-get update -qq >&2
+    "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive "${install[@]}" >&2
+}
+
+missing_debian() {
+    local package
+    for package in "${DEBIAN_PACKAGES[@]}"; do
+        dpkg-query -W -f '${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || printf '%s\n' "$package"
+    done
+    python3 -c 'import ensurepip, venv' 2>/dev/null || printf '%s\n' python3-venv
+}
+
+wanted_stamp() {
+    { printf '%s\n' "$ROOT"; python3 -V; cat "$ROOT/pyproject.toml" "$ROOT/constraints.txt" "$ROOT/deploy/setup.sh"; } |
+        sha256sum
+}
+
+set_up() {
+    local stamp="$ROOT/.venv/stamp" wanted missing
+    if ! python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+        say "Python 3.11 or newer is needed: install it as python3, then start again."
+        exit 2
+    fi
+    wanted="$(wanted_stamp)"
+    if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then
+        return
+    fi
+    if command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; then
+        mapfile -t missing < <(missing_debian)
+        if [ "${#missing[@]}" -gt 0 ]; then
+            need_debian "${missing[@]}"
+        fi
+    fi
+    say "Setting up $ROOT/.venv; this takes a minute or two, once."
+    python3 -m venv --clear "$ROOT/.venv"
+    "$PYTHON" -m pip install -q --disable-pip-version-check -c "$ROOT/constraints.txt" \
+        -e "$ROOT[mapping,sim,vision,laptop,dev]" >&2
+    printf '%s\n' "$wanted" >"$stamp"
+}

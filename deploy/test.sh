@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# Every check of the project: format, lint, types, tests. Sets up what is missing first.
+#   ./deploy/test.sh [--setup-only] [arguments of pytest]
+set -euo pipefail
+# shellcheck source=deploy/setup.sh
+source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
+set_up
+if [ "${1:-}" = "--setup-only" ]; then
+    exit 0
+fi
+cd "$ROOT"
+"$PYTHON" -m ruff check .
+"$PYTHON" -m ruff format --check .
+"$PYTHON" -m mypy
+exec "$PYTHON" -m pytest "$@"

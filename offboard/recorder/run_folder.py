@@ -1,0 +1,142 @@
+"""The layout of a run folder in one place: names, writers, readers.
+
+Recorder and simulator write it; evaluation, export and visualizer read it. A file is written whole under another name
+and then renamed, so that a reader never meets half of one; only `trajectory.tum` and `truth.tum` grow line by line.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import cos, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.geometry import FloatArray, Points
+
+TRAJECTORY_NAME = "trajectory.tum"  # the poses as they were published at the time
+SMOOTHED_NAME = "trajectory_smoothed.tum"  # the path as it was believed in the end
+TRUTH_NAME = "truth.tum"  # simulation only
+MAP_POINTS_NAME = "map_points.csv"
+POIS_NAME = "pois.json"
+SUMMARY_NAME = "summary.json"
+DATABASE_NAME = "run.sqlite"  # reserved: the run database
+MAP_SVG_NAME = "map.svg"
+MAP_PNG_NAME = "map.png"
+PHOTO_FOLDER = "photos"
+
+MAP_HEADER = "x_m,y_m,inferred"
+
+
+@dataclass(frozen=True, slots=True)
+class MapData:
+    """Everything a picture of the map shows, in the frame `map`."""
+
+    points_m: Points  # (N, 2) wall points
+    inferred: npt.NDArray[np.uint8]  # (N,) 1 where a wall was concluded, not echoed
+    trajectory: FloatArray  # (K, 3) x, y, heading
+    pois: list[dict[str, Any]] = field(default_factory=list)  # the records of pois.json
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """The whole file or, with an OSError, none of it: the old one stays."""
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        with temporary.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+class LineFile:
+    """A text file that grows by whole lines. What a crash left of a last line is cut off when it is opened again."""
+
+    def __init__(self, path: Path) -> None:
+        existing = path.read_bytes() if path.exists() else b""
+        self._size = existing.rfind(b"\n") + 1
+        self._file = path.open("ab", buffering=0)
+        self._file.truncate(self._size)
+
+    def append(self, lines: Iterable[str]) -> None:
+        """Write the lines; raises OSError when the disk takes none, and then leaves the file as it was."""
+        data = "".join(f"{line}\n" for line in lines).encode()
+        try:
+            if self._file.write(data) != len(data):
+                raise OSError(errno.ENOSPC, "the disk took a part of it only")
+        except OSError:
+            self._file.truncate(self._size)
+            raise
+        self._size += len(data)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def tum_line(t_s: float, x_m: float, y_m: float, heading_rad: float) -> str:
+    """One pose in the format of the TUM benchmarks: `t x y z qx qy qz qw`."""
+    half = heading_rad / 2
+    return f"{t_s:.4f} {x_m:.4f} {y_m:.4f} 0 0 0 {sin(half):.7f} {cos(half):.7f}"
+
+
+def read_tum(path: Path) -> tuple[FloatArray, FloatArray]:
+    """Times (K,) in seconds and poses (K, 3) as x, y, heading; both empty when the file holds none."""
+    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line and line[0] != "#"]
+    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
+    heading_rad = 2 * np.arctan2(table[:, 6], table[:, 7])
+    return table[:, 0], np.column_stack([table[:, 1:3], heading_rad])
+
+
+def write_tum(path: Path, times_s: FloatArray, poses: FloatArray) -> None:
+    """Times (K,) and poses (K, 3); replaces the file."""
+    lines = [tum_line(t, *pose) for t, pose in zip(times_s.tolist(), poses.tolist(), strict=True)]
+    write_atomically(path, "".join(f"{line}\n" for line in lines).encode())
+
+
+def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> None:
+    """Wall points (N, 2) and their marks (N,); replaces the file."""
+    rows = zip(points_m.tolist(), inferred.tolist(), strict=True)
+    body = "".join(f"{x:.3f},{y:.3f},{mark}\n" for (x, y), mark in rows)
+    write_atomically(path, f"{MAP_HEADER}\n{body}".encode())
+
+
+def read_map_points(path: Path) -> tuple[Points, npt.NDArray[np.uint8]]:
+    """Wall points (N, 2) and their marks (N,)."""
+    rows = [line.split(",")[:3] for line in path.read_text(encoding="utf-8").splitlines()[1:] if line]
+    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    return table[:, :2], table[:, 2].astype(np.uint8)
+
+
+def write_json(path: Path, content: object) -> None:
+    write_atomically(path, (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode())
+
+
+def read_pois(path: Path) -> list[dict[str, Any]]:
+    """The records of a pois.json, none when there is no such file."""
+    if not path.exists():
+        return []
+    content = json.loads(path.read_text(encoding="utf-8"))
+    records: Sequence[dict[str, Any]] = content if isinstance(content, list) else content.get("pois", [])
+    return list(records)
+
+
+def read_map(run_dir: Path) -> MapData:
+    """What the folder knows of the map; the smoothed trajectory where there is one."""
+    points_m, inferred = np.empty((0, 2)), np.empty(0, np.uint8)
+    if (run_dir / MAP_POINTS_NAME).exists():
+        points_m, inferred = read_map_points(run_dir / MAP_POINTS_NAME)
+    trajectory = np.empty((0, 3))
+    for name in (TRAJECTORY_NAME, SMOOTHED_NAME):
+        if (run_dir / name).exists():
+            poses = read_tum(run_dir / name)[1]
+            trajectory = poses if len(poses) else trajectory
+    return MapData(points_m, inferred, trajectory, read_pois(run_dir / POIS_NAME))

@@ -1,0 +1,229 @@
+"""The Arduino as the simulated world holds it: pins and clock of one, the real firmware core of `arduino/` inside.
+
+Simulated world -> `Board` (edges, echoes, IMU counts, switches) -> serial line -> bridge; motor outputs the other way.
+`HostBoard` runs the core as compiled by this machine's g++; a twin that runs the AVR binary has the same interface.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from enum import IntEnum
+from functools import cache
+from pathlib import Path
+from typing import Protocol
+
+from common.constants import SONAR_COUNT
+
+ROOT = Path(__file__).resolve().parents[2]
+SKETCH = ROOT / "arduino" / "indoor_mapping"
+HOST = ROOT / "arduino" / "host"
+LIBRARY = ROOT / "build" / "libfirmware.so"
+FLAGS = ("-O2", "-Wall", "-Wextra", "-Werror", "-std=c++11", "-fPIC", "-shared")
+
+_TX_BYTES = 65536
+
+
+class FirmwareBuildError(RuntimeError):
+    """The host build of the firmware is not to be had; the sentence says what to do."""
+
+
+class ResetCause(IntEnum):
+    POWER_ON = 0
+    EXTERNAL = 1
+    BROWN_OUT = 2
+    WATCHDOG = 3
+
+
+class Board(Protocol):
+    """A microcontroller on its own clock of microseconds since power-on."""
+
+    def run(self, until_us: int) -> None:
+        """Advance the firmware to that absolute time."""
+
+    def serial_write(self, data: bytes) -> None: ...
+
+    def serial_read(self) -> bytes: ...
+
+    def encoder_edges(self, left: int, right: int) -> None:
+        """Signed quadrature edges since the last call, forward positive."""
+
+    def echo(self, sonar: int, width_us: int) -> None:
+        """One finished echo pulse of sonar 0..4 (order of `SONAR_NAMES`); 37500 = nothing heard."""
+
+    def imu(self, ax: int, ay: int, az: int, gx: int, gy: int, gz: int) -> None:
+        """What the MPU-6050 reads from now on: +-2 g, +-500 deg/s (65.5 counts per deg/s)."""
+
+    def bumper(self, pressed: bool) -> None: ...
+
+    def cliff(self, left: bool, right: bool) -> None: ...
+
+    def battery(self, mv: int) -> None: ...
+
+    def stop_button(self, pressed: bool) -> None: ...
+
+    def fired(self) -> tuple[int, ...]:
+        """Sonars triggered since the last call."""
+
+    def outputs(self) -> tuple[int, int, bool]:
+        """PWM left and right (-255..255) and whether the motor driver is enabled."""
+
+    def reset(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
+        """Start the firmware anew, its clock at 0."""
+
+
+def build_firmware() -> Path:
+    """The shared library of the firmware core, compiled when a source is newer; raises FirmwareBuildError."""
+    sources = [*sorted((SKETCH / "src" / "core").glob("*.cpp")), HOST / "host_board.cpp"]
+    inputs = sources + sorted((SKETCH / "src").rglob("*.h"))
+    if LIBRARY.exists() and LIBRARY.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
+        return LIBRARY
+    compiler = shutil.which("g++")
+    if compiler is None:
+        raise FirmwareBuildError("g++ is needed to build the firmware for the simulation: install it (apt install g++)")
+    LIBRARY.parent.mkdir(exist_ok=True)
+    handle, temporary = tempfile.mkstemp(suffix=".so", dir=LIBRARY.parent)
+    os.close(handle)
+    try:
+        command = [compiler, *FLAGS, "-o", temporary, *map(str, sources)]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        if result.returncode:
+            raise FirmwareBuildError(f"the firmware does not compile for this machine:\n{result.stderr.strip()}")
+        # In one step: several processes may build at the same time
+        os.replace(temporary, LIBRARY)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+    return LIBRARY
+
+
+class _Outputs(ctypes.Structure):
+    pwm_left: int
+    pwm_right: int
+    enabled: int
+    fired: int
+    tx_length: int
+    _fields_ = (
+        ("pwm_left", ctypes.c_int32),
+        ("pwm_right", ctypes.c_int32),
+        ("enabled", ctypes.c_int32),
+        ("fired", ctypes.c_uint32),
+        ("tx_length", ctypes.c_uint32),
+        ("tx", ctypes.c_char * _TX_BYTES),
+    )
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    library = ctypes.CDLL(str(build_firmware()))
+    pointer, number = ctypes.c_void_p, ctypes.c_int
+    library.fw_new.argtypes, library.fw_new.restype = [number, number], pointer
+    library.fw_free.argtypes, library.fw_free.restype = [pointer], None
+    library.fw_outputs.argtypes, library.fw_outputs.restype = [pointer], ctypes.POINTER(_Outputs)
+    library.fw_run.argtypes, library.fw_run.restype = [pointer, ctypes.c_uint64, number, number], None
+    library.fw_imu.argtypes, library.fw_imu.restype = [pointer, *[number] * 6], None
+    library.fw_imu_unplug.argtypes, library.fw_imu_unplug.restype = [pointer], None
+    library.fw_echo.argtypes, library.fw_echo.restype = [pointer, number, number], None
+    library.fw_inputs.argtypes, library.fw_inputs.restype = [pointer, *[number] * 5], None
+    library.fw_serial_write.argtypes = [pointer, ctypes.c_char_p, number]
+    return library
+
+
+_TX_OFFSET: int = ctypes.sizeof(_Outputs) - _TX_BYTES
+_FIRED_BY_MASK = tuple(tuple(i for i in range(SONAR_COUNT) if mask >> i & 1) for mask in range(1 << SONAR_COUNT))
+
+
+class HostBoard:
+    """The firmware core compiled for this machine; one step of 5 ms costs a few microseconds."""
+
+    def __init__(self, session: int = 1) -> None:
+        self._firmware = _library()
+        self._run = self._firmware.fw_run
+        self._imu = self._firmware.fw_imu
+        self._session = session - 1
+        self._board: int | None = None
+        self._battery_mv = 12000
+        self._bumper = self._cliff_left = self._cliff_right = self._stop_button = False
+        self.reset()
+
+    def __del__(self) -> None:
+        if getattr(self, "_board", None) is not None:
+            self._firmware.fw_free(self._board)
+
+    def reset(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
+        if self._board is not None:
+            self._firmware.fw_free(self._board)
+        self._session = (self._session + 1) % 65536
+        self._board = self._firmware.fw_new(int(cause), self._session)
+        self._out: _Outputs = self._firmware.fw_outputs(self._board).contents
+        self._tx_address = ctypes.addressof(self._out) + _TX_OFFSET
+        self._left = self._right = 0
+        self._push_inputs()
+
+    def run(self, until_us: int) -> None:
+        self._run(self._board, until_us, self._left, self._right)
+        self._left = self._right = 0
+
+    def serial_write(self, data: bytes) -> None:
+        if data:
+            self._firmware.fw_serial_write(self._board, data, len(data))
+
+    def serial_read(self) -> bytes:
+        length = self._out.tx_length
+        if not length:
+            return b""
+        self._out.tx_length = 0
+        return ctypes.string_at(self._tx_address, length)
+
+    def encoder_edges(self, left: int, right: int) -> None:
+        self._left += left
+        self._right += right
+
+    def echo(self, sonar: int, width_us: int) -> None:
+        if not 0 <= sonar < SONAR_COUNT:
+            raise ValueError(f"there is no sonar {sonar}; they are numbered 0 to {SONAR_COUNT - 1}")
+        self._firmware.fw_echo(self._board, sonar, width_us)
+
+    def imu(self, ax: int, ay: int, az: int, gx: int, gy: int, gz: int) -> None:
+        self._imu(self._board, ax, ay, az, gx, gy, gz)
+
+    def imu_unplug(self) -> None:
+        """The MPU-6050 answers no more, until the next `imu`."""
+        self._firmware.fw_imu_unplug(self._board)
+
+    def bumper(self, pressed: bool) -> None:
+        if pressed != self._bumper:
+            self._bumper = pressed
+            self._push_inputs()
+
+    def cliff(self, left: bool, right: bool) -> None:
+        if left != self._cliff_left or right != self._cliff_right:
+            self._cliff_left, self._cliff_right = left, right
+            self._push_inputs()
+
+    def battery(self, mv: int) -> None:
+        if mv != self._battery_mv:
+            self._battery_mv = mv
+            self._push_inputs()
+
+    def stop_button(self, pressed: bool) -> None:
+        if pressed != self._stop_button:
+            self._stop_button = pressed
+            self._push_inputs()
+
+    def _push_inputs(self) -> None:
+        switches = (self._bumper, self._cliff_left, self._cliff_right, self._stop_button)
+        self._firmware.fw_inputs(self._board, *switches, self._battery_mv)
+
+    def fired(self) -> tuple[int, ...]:
+        mask = self._out.fired
+        if not mask:
+            return ()
+        self._out.fired = 0
+        return _FIRED_BY_MASK[mask]
+
+    def outputs(self) -> tuple[int, int, bool]:
+        out = self._out
+        return out.pwm_left, out.pwm_right, bool(out.enabled)

@@ -1,0 +1,232 @@
+"""`indoor-mapping simulate`: every node of the robot in one thread and one simulated time, as fast as the CPU allows.
+
+The same nodes as on the boards, joined by a `LocalMesh` in a fixed order; below them the same world, firmware and
+serial line as in `local`, without processes. A run repeats to the bit from its seed.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from common.bus import Bus, LocalMesh
+from common.config import Config
+from common.errors import StartError
+from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, PlannerView
+from offboard.recorder.recorder import Recorder
+from offboard.simulator.board import FirmwareBuildError, HostBoard
+from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
+from offboard.simulator.simulation import Simulation
+from offboard.simulator.world import STEP_S
+from offboard.tools.summary import RunFacts, StepTimes, write_summary
+from onboard.bridge.bridge import Bridge
+from onboard.comm.comm import Comm
+from onboard.mmu.mmu import MappingUnit
+from onboard.planner.planner import Planner
+
+TIME_LIMIT_S = 4 * 3600.0
+PROGRESS_S = 5.0  # of wall time
+PREVIEW_PERIOD_S = 0.4  # camera: the cheap stream
+FULL_PERIOD_S = 1.2  # one full frame per 0.2 m driven
+_ROUNDING_S = 1e-9
+
+
+class Node(Protocol):
+    name: str
+    period_s: float
+
+    def step(self, bus: Bus, now_s: float) -> None: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(slots=True)
+class _Slot:
+    """A node on the mesh, when it is due and how long its steps took."""
+
+    node: Node
+    bus: Bus
+    due_s: float = 0.0
+    durations_s: list[float] = field(default_factory=list)
+
+    def run(self, now_s: float) -> None:
+        if now_s < self.due_s - _ROUNDING_S:
+            return
+        self.due_s += self.node.period_s
+        began = time.perf_counter()
+        self.node.step(self.bus, now_s)
+        self.durations_s.append(time.perf_counter() - began)
+
+
+class Lockstep:
+    """World and nodes of one run. `advance` runs 5 ms of everything."""
+
+    def __init__(self, simulation: Simulation, nodes: list[Node]) -> None:
+        self.simulation = simulation
+        self.mesh = LocalMesh()
+        self.operator = self.mesh.endpoint("command_center")
+        self.slots = [_Slot(node, self.mesh.endpoint(node.name)) for node in nodes]
+        self.world_s = 0.0  # wall time spent in the world
+
+    @property
+    def now_s(self) -> float:
+        return self.simulation.world.time_s
+
+    def advance(self) -> None:
+        began = time.perf_counter()
+        self.simulation.advance(self.now_s + STEP_S)
+        self.world_s += time.perf_counter() - began
+        now_s = self.now_s
+        self.mesh.now_s = now_s
+        for slot in self.slots:
+            slot.run(now_s)
+
+    def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
+        """Advance until the condition holds (True) or so much simulated time is over (False)."""
+        while not condition():
+            if self.now_s > limit_s:
+                return False
+            self.advance()
+        return True
+
+    def close(self) -> None:
+        for slot in self.slots:
+            slot.node.close()
+        self.simulation.close()
+
+
+class Eye:
+    """The camera's two streams, drawn as often as the robot would take them."""
+
+    name = "camera"
+    period_s = PREVIEW_PERIOD_S
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._camera = simulation.camera
+        self._full_due_s = 0.0
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        if self._camera is None:
+            return
+        self._camera.preview()
+        if now_s >= self._full_due_s:
+            self._full_due_s = now_s + FULL_PERIOD_S
+            self._camera.full()
+
+    def close(self) -> None:
+        """The simulation owns the camera."""
+
+
+def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
+    """The whole robot in its building, powered on; raises StartError."""
+    if options.board != "host":
+        raise StartError("Only the host build of the firmware can be simulated so far; leave --board at host.")
+    if options.route is not None:
+        raise StartError("There is no scripted route yet; leave --route out.")
+    floor, events = load_world(options)
+    try:
+        board = HostBoard()
+    except FirmwareBuildError as error:
+        raise StartError(str(error)) from error
+    simulation = Simulation(
+        floor,
+        board,
+        start_index=options.start,
+        seed=options.seed,
+        errors=options.errors,
+        camera=options.camera,
+        events=events,
+    )
+    config = Config()
+    nodes: list[Node] = [
+        Bridge(lambda: simulation.port),
+        MappingUnit(config.sonars.bearings_rad),
+        Planner(),
+        Comm(config.comm),
+    ]
+    if recorder is not None:
+        nodes.append(recorder)
+    if simulation.camera is not None:
+        nodes.append(Eye(simulation))
+    return Lockstep(simulation, nodes)
+
+
+def simulate(options: RunOptions) -> int:
+    """A whole mission; prints its progress, writes the run folder. Exit code 0 when the mission was finished."""
+    folder = prepare_folder(options)
+    robot = build(options, Recorder(folder))
+    began_s = time.monotonic()
+    try:
+        view = _mission(robot, began_s)
+    finally:
+        robot.close()
+    finished = view is not None and view.finished
+    robot.simulation.write_truth(folder)
+    steps = {slot.node.name: StepTimes.of(slot.durations_s) for slot in robot.slots}
+    facts = RunFacts(
+        floor=options.floor.stem,
+        seed=options.seed,
+        start=options.start,
+        options={key: value for key, value in options.as_dict().items() if key != "out"},
+        finished=finished,
+        reason=view.detail if view is not None else "the modules did not become ready",
+        simulated_time_s=round(robot.now_s, 3),
+        wall_time_s=round(time.monotonic() - began_s, 3),
+        steps=steps,
+    )
+    summary = write_summary(folder, facts, floor_json(options))
+    _say(_closing_line(summary, robot, folder))
+    return 0 if finished else 1
+
+
+def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
+    permit = robot.operator
+
+    def granted() -> bool:
+        newest = permit.latest(PERMIT)
+        return newest is not None and newest.granted
+
+    if not robot.run_until(granted, limit_s=60.0):
+        return None
+    robot.operator.publish(OPERATION, OperatorCommand(robot.now_s, Operation.START))
+    said_s = began_s
+
+    def finished() -> bool:
+        nonlocal said_s
+        view = robot.operator.latest(PLAN)
+        if view is not None and time.monotonic() - said_s > PROGRESS_S:
+            said_s = time.monotonic()
+            pace = robot.now_s / (said_s - began_s)
+            _say(
+                f"{robot.now_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, "
+                f"{view.detail}, {pace:.0f} times real time"
+            )
+        return view is not None and view.finished
+
+    robot.run_until(finished, TIME_LIMIT_S)
+    robot.run_until(lambda: False, robot.now_s + 0.3)
+    return robot.operator.latest(PLAN)
+
+
+def _closing_line(summary: dict[str, object], robot: Lockstep, folder: object) -> str:
+    shares = ", ".join(f"{slot.node.name} {sum(slot.durations_s):.1f} s" for slot in robot.slots)
+    figures = ", ".join(
+        f"{key} {summary[key]:.3f}"
+        for key in ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m", "ratio")
+        if isinstance(summary.get(key), float)
+    )
+    wall_s = summary["wall_time_s"]
+    assert isinstance(wall_s, float)
+    return (
+        f"{'finished' if summary['finished'] else 'NOT finished'} after {robot.now_s:.0f} s in {wall_s:.1f} s "
+        f"({robot.now_s / max(wall_s, 1e-3):.1f} times real time): {figures}\n"
+        f"wall time: world {robot.world_s:.1f} s, {shares}\nrun folder {folder}"
+    )
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()

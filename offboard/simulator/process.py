@@ -1,0 +1,104 @@
+"""Process "simulator": building, body and board in real time or as the one that leads the shared clock.
+
+Steps the world up to `now_s`; its serial port is a device file beside robot.toml. Writes `truth.tum`, on the clock that
+all processes of the run share. Nothing goes over the bus: the modules must not know what is true.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+
+from common.bus import Bus
+from common.config import Config
+from common.errors import StartError
+from common.process import argument_parser
+from offboard.recorder.run_folder import TRUTH_NAME, LineFile, tum_line
+from offboard.simulator.board import FirmwareBuildError, HostBoard
+from offboard.simulator.options import RunOptions, load_world
+from offboard.simulator.simulation import Simulation
+
+WRITE_PERIOD_S = 5.0
+SLIP_S = 0.25  # a world that is later than this lets real time go instead of hurrying after it
+
+_log = logging.getLogger("simulator")
+
+
+class SimulatorNode:
+    name = "simulator"
+    period_s = 0.01
+
+    def __init__(self, simulation: Simulation, truth_file: Path | None) -> None:
+        self._simulation = simulation
+        self._truth = LineFile(truth_file) if truth_file is not None else None
+        self._written = 0
+        self._write_due_s = 0.0
+        self._power_on_s: float | None = None  # on the shared clock
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        world = self._simulation.world
+        if self._power_on_s is None:
+            self._power_on_s = now_s
+        behind_s = now_s - self._power_on_s - world.time_s
+        if behind_s > SLIP_S:
+            self._power_on_s += behind_s - self.period_s
+            _log.warning("the world is too slow for real time slipped_s=%.3f", behind_s)
+        self._simulation.advance(now_s - self._power_on_s)
+        if world.time_s >= self._write_due_s:
+            self._write_due_s = world.time_s + WRITE_PERIOD_S
+            self._write()
+
+    def close(self) -> None:
+        self._write()
+        if self._truth is not None:
+            self._truth.close()
+        self._simulation.close()
+
+    def _write(self) -> None:
+        if self._truth is None or self._power_on_s is None:
+            return
+        new = self._simulation.world.truth_log[self._written :]
+        self._truth.append([tum_line(t_s + self._power_on_s, x, y, heading) for t_s, x, y, heading in new])
+        self._written += len(new)
+
+
+def simulator_parser() -> argparse.ArgumentParser:
+    parser = argument_parser("simulator")
+    parser.add_argument("--floor", type=Path, required=True)
+    parser.add_argument("--start", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--errors", default="realistic")
+    parser.add_argument("--camera", default="off")
+    parser.add_argument("--events", type=Path)
+    parser.add_argument("--run-dir", type=Path, help="where truth.tum goes")
+    return parser
+
+
+def make_simulator(config: Config, arguments: argparse.Namespace) -> SimulatorNode:
+    """The node; its serial port appears under the name that robot.toml gives to the bridge. Raises StartError."""
+    options = RunOptions(
+        floor=arguments.floor,
+        start=arguments.start,
+        seed=arguments.seed,
+        speed=arguments.speed,
+        errors=arguments.errors,
+        camera=arguments.camera,
+        events=arguments.events,
+    )
+    floor, events = load_world(options)
+    try:
+        board = HostBoard()
+    except FirmwareBuildError as error:
+        raise StartError(str(error)) from error
+    simulation = Simulation(
+        floor,
+        board,
+        start_index=options.start,
+        seed=options.seed,
+        errors=options.errors,
+        camera=options.camera,
+        events=events,
+        pty_link=Path(config.bridge.serial_port),
+    )
+    return SimulatorNode(simulation, arguments.run_dir / TRUTH_NAME if arguments.run_dir is not None else None)

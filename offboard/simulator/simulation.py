@@ -1,0 +1,92 @@
+"""A whole simulated robot below the bridge: world, board, serial line and camera in one object with one clock.
+
+`simulate` advances it in lockstep with the nodes and takes `port`; the process "simulator" advances it as master of the
+shared clock and gives its serial line away as a device (`pty_link`).
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from offboard.recorder.run_folder import TRUTH_NAME, write_tum
+from offboard.simulator.board import Board
+from offboard.simulator.camera import Camera, CameraUnavailable
+from offboard.simulator.errors import PROFILES, random_stream
+from offboard.simulator.events import Events
+from offboard.simulator.floor import Floor
+from offboard.simulator.pty_port import PtyPort
+from offboard.simulator.scenery import CAMERA_MODES, build_scenery
+from offboard.simulator.serial_line import HostPort, SerialLine
+from offboard.simulator.world import STEP_S, World
+
+_ROUNDING_S = 1e-9
+
+_log = logging.getLogger("simulator")
+
+
+class Simulation:
+    """Owns the world of one run; a context manager, since a device and a renderer may have to be given back."""
+
+    def __init__(
+        self,
+        floor: Floor,
+        board: Board,
+        *,
+        start_index: int = 0,
+        seed: int = 0,
+        errors: str = "realistic",
+        camera: str = "off",
+        events: Events | None = None,
+        pty_link: Path | None = None,
+        pty: bool = False,
+    ) -> None:
+        """`errors`: a name in errors.PROFILES; `camera`: one of scenery.CAMERA_MODES. `pty`, or a `pty_link` to the
+        device, puts the serial line behind a pseudo-terminal; else `port` is its host end. `camera` stays None where
+        no OpenGL library is to be had. Raises FloorError.
+        """
+        if camera not in CAMERA_MODES:
+            raise ValueError(f"there is no camera {camera!r}, choose one of {', '.join(CAMERA_MODES)}")
+        profile = PROFILES[errors]
+        line = SerialLine(profile, random_stream(seed, "serial"))
+        self.pty = PtyPort(line, pty_link) if pty or pty_link is not None else None
+        self.port = HostPort(line)
+        scenery = None if camera == "off" else build_scenery(floor, camera, seed)
+        self.camera: Camera | None = None
+        self.world = World(floor, start_index, seed, profile, board, self.pty or line, events, scenery)
+        if camera != "off":
+            self._open_camera(camera)
+
+    def _open_camera(self, mode: str) -> None:
+        try:
+            self.camera = Camera(self.world, mode)
+        except CameraUnavailable as error:
+            _log.warning("camera=unavailable reason=%r", str(error))
+
+    def advance(self, until_s: float) -> None:
+        """Steps the world until its time has reached `until_s`."""
+        steps = int((until_s - self.world.time_s + _ROUNDING_S) / STEP_S)
+        for _ in range(steps):
+            self.world.step()
+
+    def write_truth(self, run_dir: Path, power_on_s: float = 0.0) -> None:
+        """`truth.tum`: the true poses at 10 Hz in the floor's frame; `power_on_s` is the robot's clock at power-on."""
+        log = np.array(self.world.truth_log)
+        write_tum(run_dir / TRUTH_NAME, log[:, 0] + power_on_s, log[:, 1:])
+
+    def close(self) -> None:
+        if self.camera is not None:
+            self.camera.close()
+        if self.pty is not None:
+            self.pty.close()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,340 @@
+"""The bridge: serial line -> `ODOMETRY`, `RANGES`, `DISTANCES`, `CARRIER`, `STATUS[sim]`, `STATUS[car]`;
+`DRIVE`, `PERMIT`, `STOP` -> serial line.
+
+Heartbeats go to the board only while the robot may move; their absence stops it. Towards a board that has not said
+HELLO the bridge is silent: a bootloader that hears anything would never start the sketch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections import deque
+from collections.abc import Callable
+from enum import Enum
+
+from common.bus import Bus
+from common.config import Config
+from common.constants import HEARTBEAT_PERIOD_S
+from common.errors import ErrorCode
+from common.messages import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP, DriveCommand, Speed
+from common.status import StatusReporter
+from onboard.bridge import protocol, translation
+from onboard.bridge.board_clock import BoardClock
+from onboard.bridge.line_protocol import LineDecoder, Received, encode
+from onboard.bridge.motion_gate import MotionGate
+from onboard.bridge.protocol import (
+    STOP_BYTE,
+    Ack,
+    AckResult,
+    CarSta,
+    CarState,
+    Dst,
+    Hb,
+    Hello,
+    Message,
+    Odo,
+    Rel,
+    Rng,
+    SimSta,
+    SimState,
+    Start,
+)
+from onboard.bridge.serial_port import Port, SerialLost, SerialPort
+
+LINE_LOST_S = 0.3  # no valid line for this long: the board is lost
+REOPEN_S = 1.0
+RESET_AFTER_S = 10.0  # a port that stays mute for this long is opened anew
+REPEAT_S = 0.1  # until the board confirms
+NOISE_WINDOW_S = 10.0
+NOISE_LINES = 10  # damaged lines within the window that are worth a warning
+
+_WORKING = (CarState.READY, CarState.MOVING, CarState.BACKING_OFF)
+_log = logging.getLogger("bridge")
+
+
+class LinkState(Enum):
+    CLOSED = "CLOSED"  # no port
+    LISTENING = "LISTENING"  # open, no HELLO yet
+    MISMATCH = "MISMATCH"  # HELLO of another protocol
+    CONNECTED = "CONNECTED"
+
+
+class _Pace:
+    """Something that is sent again and again, at most every so often."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._sent_s = float("-inf")
+
+    def due(self, now_s: float) -> bool:
+        if now_s - self._sent_s < self._period_s - 1e-6:
+            return False
+        self._sent_s = now_s
+        return True
+
+    def reset(self) -> None:
+        self._sent_s = float("-inf")
+
+
+class Bridge:
+    """The node. `port_factory` opens the port, or raises SerialLost with a sentence for people."""
+
+    name = "bridge"
+    period_s = 0.01
+
+    def __init__(self, port_factory: Callable[[], Port]) -> None:
+        self._open_port = port_factory
+        self._port: Port | None = None
+        self._link = LinkState.CLOSED
+        self._why_closed = ""
+        self._opening = _Pace(REOPEN_S)
+        self._decoder = LineDecoder()
+        self._heard_s = float("-inf")
+        self._clock = BoardClock()
+        self._session = -1
+        self._started_s: float | None = None
+
+        self._gate = MotionGate()
+        self._may_move = False
+        self._sim: SimSta | None = None
+        self._car: CarSta | None = None
+        self._beats = {"sim": 0, "car": 0}
+        self._told: dict[str, tuple[str, int]] = {}
+        self._drive: DriveCommand | None = None
+        self._dropped_id: int | None = None
+        self._heartbeat = _Pace(HEARTBEAT_PERIOD_S)
+        self._heartbeats = 0
+        self._stopping, self._arming, self._driving = _Pace(REPEAT_S), _Pace(REPEAT_S), _Pace(REPEAT_S)
+        self._noise: deque[tuple[float, int]] = deque([(float("-inf"), 0)])
+        self._status = StatusReporter(self.name)
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        if self._started_s is None:
+            self._started_s = now_s
+        try:
+            self._step_stop(bus, now_s)
+            self._listen(bus, now_s)
+            if self._link is LinkState.CONNECTED:
+                self._command(now_s)
+        except SerialLost as error:
+            self._close_port(str(error))
+        self._report(bus, now_s)
+
+    def close(self) -> None:
+        if self._port is not None and self._link is LinkState.CONNECTED:
+            try:
+                self._port.write(STOP_BYTE)
+            except SerialLost as error:
+                _log.warning("stop byte not sent reason=%s", error)
+        self._close_port("the bridge ends")
+
+    # --- stop and permit: first of all, in every step
+
+    def _step_stop(self, bus: Bus, now_s: float) -> None:
+        for request in bus.take(STOP):
+            self._gate.request(request)
+        permitted = self._gate.may_move(bus.latest(PERMIT), bus.age_s(PERMIT))
+        may_move = permitted and self._link is LinkState.CONNECTED
+        if may_move != self._may_move:
+            _log.info("may_move=%s stop_sources=%s", may_move, sorted(self._gate.stop_sources))
+            self._may_move = may_move
+            self._stopping.reset()
+            self._arming.reset()
+            if not may_move and self._link is LinkState.CONNECTED:
+                self._send_stop(now_s)
+        for command in bus.take(DRIVE):
+            self._take_drive(command)
+        if not may_move:
+            self._forget_drive()
+
+    def _take_drive(self, command: DriveCommand) -> None:
+        known = self._drive is not None and self._drive.command_id == command.command_id
+        if known or command.command_id == self._dropped_id:
+            return
+        if not command.valid and command.speed is not Speed.STOP:
+            return
+        self._drive = command
+        self._driving.reset()
+
+    def _forget_drive(self) -> None:
+        """Neither a release nor a board that is back starts motion by itself: that takes another command."""
+        if self._drive is not None:
+            self._dropped_id = self._drive.command_id
+        self._drive = None
+
+    def _send_stop(self, now_s: float) -> None:
+        if self._stopping.due(now_s):
+            self._write(STOP_BYTE)
+
+    # --- from the board
+
+    def _listen(self, bus: Bus, now_s: float) -> None:
+        if self._port is None and not self._reopen(now_s):
+            return
+        assert self._port is not None
+        for received in self._decoder.feed(self._port.read()):
+            self._take_line(bus, received, now_s)
+        silent_s = now_s - self._heard_s
+        if self._link is LinkState.CONNECTED and silent_s > LINE_LOST_S:
+            self._lose_board(f"no line for {LINE_LOST_S:.1f} s")
+        elif silent_s > RESET_AFTER_S:
+            self._close_port(f"no line for {RESET_AFTER_S:.0f} s")
+
+    def _reopen(self, now_s: float) -> bool:
+        if not self._opening.due(now_s):
+            return False
+        self._port = self._open_port()
+        self._decoder = LineDecoder()
+        self._noise = deque([(now_s, 0)])
+        self._link = LinkState.LISTENING
+        self._heard_s = now_s
+        self._why_closed = ""
+        _log.info("link=%s", self._link.value)
+        return True
+
+    def _close_port(self, why: str) -> None:
+        close = getattr(self._port, "close", None)
+        if close is not None:
+            close()
+        if why != self._why_closed:
+            _log.warning("link=CLOSED reason=%s", why)
+        self._port, self._link, self._why_closed = None, LinkState.CLOSED, why
+        self._forget_board()
+
+    def _lose_board(self, why: str) -> None:
+        self._link = LinkState.LISTENING
+        _log.warning("link=%s reason=%s", self._link.value, why)
+        self._forget_board()
+
+    def _forget_board(self) -> None:
+        self._sim = self._car = None
+        self._session = -1
+        self._forget_drive()
+
+    def _take_line(self, bus: Bus, received: Received, now_s: float) -> None:
+        self._heard_s = now_s
+        message = received.message
+        if isinstance(message, Hello):
+            self._greet(message)
+        if self._link is not LinkState.CONNECTED:
+            return
+        if self._clock.jumped_back(received.time_ms):
+            # Its HELLO was lost; counts and yaw began anew
+            self._lose_board("the board has restarted")
+            return
+        self._publish(bus, message, self._clock.to_s(received.time_ms, now_s), now_s)
+
+    def _greet(self, hello: Hello) -> None:
+        if (hello.version, hello.hash) != (protocol.VERSION, protocol.HASH):
+            if self._link is not LinkState.MISMATCH:
+                _log.error("protocol mismatch board=%d/%04X own=%d/%04X", *hello[:2], protocol.VERSION, protocol.HASH)
+            self._link = LinkState.MISMATCH
+            self._forget_board()
+            return
+        if self._link is LinkState.CONNECTED and hello.session == self._session:
+            return
+        self._forget_board()
+        self._link = LinkState.CONNECTED
+        self._session = hello.session
+        self._clock = BoardClock()
+        _log.info("link=%s session=%d reset_cause=%d", self._link.value, hello.session, hello.reset_cause)
+
+    def _publish(self, bus: Bus, message: Message, t_s: float, now_s: float) -> None:
+        match message:
+            case Odo():
+                imu_works = self._sim is not None and self._sim.state == SimState.RUNNING
+                bus.publish(ODOMETRY, translation.odometry(message, t_s, self._session, imu_works))
+            case Rng():
+                bus.publish(RANGES, translation.ranges(message, t_s))
+            case Dst():
+                bus.publish(DISTANCES, translation.distances(message, t_s))
+            case SimSta():
+                self._sim = message
+                self._beats["sim"] += 1
+                bus.publish(STATUS["sim"], translation.sim_status(message, t_s, self._beats["sim"]))
+                self._tell("sim", SimState(message.state).name, message.error)
+            case CarSta():
+                self._car = message
+                self._beats["car"] += 1
+                self._gate.board_latched(message.stop_latched)
+                bus.publish(CARRIER, translation.carrier_report(message, t_s))
+                free_ram = self._sim.free_ram if self._sim is not None else 0
+                bus.publish(STATUS["car"], translation.car_status(message, t_s, self._beats["car"], free_ram))
+                self._tell("car", CarState(message.state).name, message.error)
+            case Ack(of, _, result) if of == protocol.NUMBER[Rel] and result == AckResult.REFUSED:
+                self._gate.release_refused()
+
+    def _tell(self, module: str, state: str, error: int) -> None:
+        if self._told.get(module) != (state, error):
+            self._told[module] = (state, error)
+            _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)
+
+    # --- to the board
+
+    def _command(self, now_s: float) -> None:
+        car = self._car
+        if not self._may_move:
+            wanted = bool(self._gate.stop_sources) or (car is not None and car.state in _WORKING)
+            if car is not None and wanted and not car.stop_latched:
+                self._send_stop(now_s)
+            return
+        if self._heartbeat.due(now_s):
+            self._heartbeats += 1
+            self._send(Hb(self._heartbeats % 65536), now_s)
+        if car is None:
+            return
+        if car.stop_latched and self._arming.due(now_s):
+            self._send(Rel(), now_s)
+        elif car.state == CarState.DISARMED and self._arming.due(now_s):
+            self._send(Start(protocol.HASH), now_s)
+        elif car.state in _WORKING and self._drive is not None:
+            answered = self._drive.command_id in (car.command_id, car.aborted_id)
+            if not answered and self._driving.due(now_s):
+                self._send(translation.drive_line(self._drive), now_s)
+
+    def _send(self, message: Message, now_s: float) -> None:
+        assert self._started_s is not None
+        self._write(encode(message, int((now_s - self._started_s) * 1000.0)))
+
+    def _write(self, data: bytes) -> None:
+        assert self._port is not None
+        self._port.write(data)
+
+    # --- its own status
+
+    def _report(self, bus: Bus, now_s: float) -> None:
+        error, detail = self._trouble(now_s)
+        board_ready = (
+            self._sim is not None
+            and self._sim.state == SimState.RUNNING
+            and self._car is not None
+            and self._car.state not in (CarState.BOOT, CarState.FAULT)
+        )
+        ready = self._link is LinkState.CONNECTED and board_ready
+        state = self._link.value
+        if self._link is LinkState.CONNECTED:
+            state = "MOVE" if self._may_move else "STOPPED" if self._gate.stop_sources else "HOLD"
+        self._status.report(bus, now_s, state=state, error=error, ready=ready, detail=detail)
+
+    def _trouble(self, now_s: float) -> tuple[ErrorCode, str]:
+        if self._noise[-1][1] != self._decoder.bad_lines:
+            self._noise.append((now_s, self._decoder.bad_lines))
+        while len(self._noise) > 1 and self._noise[1][0] < now_s - NOISE_WINDOW_S:
+            self._noise.popleft()
+        if self._link is LinkState.MISMATCH:
+            return ErrorCode.PROTOCOL_MISMATCH, ""
+        if self._link is not LinkState.CONNECTED:
+            return ErrorCode.SERIAL_LOST, self._why_closed
+        if self._gate.stop_sources:
+            return ErrorCode.STOP_LATCHED, ",".join(sorted(self._gate.stop_sources))
+        if not self._may_move:
+            return ErrorCode.NO_PERMIT, ""
+        if self._noise[-1][1] - self._noise[0][1] >= NOISE_LINES:
+            return ErrorCode.LINE_NOISE, f"bad_lines={self._decoder.bad_lines}"
+        return ErrorCode.OK, ""
+
+
+def make_bridge(config: Config, _: argparse.Namespace) -> Bridge:
+    """The node of the process."""
+    return Bridge(lambda: SerialPort(config.bridge.serial_port, config.bridge.baud))

@@ -1,0 +1,66 @@
+"""The serial port as the bridge sees it, and its pyserial form: the only place that knows pyserial."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Protocol
+
+import serial
+
+
+class SerialLost(ConnectionError):
+    """The port is not there, or not any more; one sentence says what to do."""
+
+
+class Port(Protocol):
+    """Neither call blocks; both raise SerialLost when the port is gone."""
+
+    def read(self) -> bytes:
+        """Everything that has arrived."""
+
+    def write(self, data: bytes) -> None: ...
+
+
+_WRITE_TIMEOUT_S = 0.05
+
+
+class SerialPort:
+    """A tty by its path. Opening it restarts most Arduinos; the board says HELLO afterwards."""
+
+    def __init__(self, path: str, baud: int) -> None:
+        self._path = path
+        try:
+            self._serial = serial.Serial(path, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True)
+        except (serial.SerialException, OSError, ValueError) as error:
+            raise SerialLost(_sentence(path, error)) from error
+
+    def read(self) -> bytes:
+        try:
+            data: bytes = self._serial.read(self._serial.in_waiting or 1)
+        except (serial.SerialException, OSError, TypeError) as error:
+            # TypeError: pyserial's own answer when the device goes away between two of its calls
+            self.close()
+            raise SerialLost(_sentence(self._path, error)) from error
+        return data
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._serial.write(data)
+        except (serial.SerialException, OSError, TypeError) as error:
+            self.close()
+            raise SerialLost(_sentence(self._path, error)) from error
+
+    def close(self) -> None:
+        with contextlib.suppress(serial.SerialException, OSError):
+            self._serial.close()
+
+
+def _sentence(path: str, error: Exception) -> str:
+    reason = str(error).lower()
+    if "permission" in reason:
+        return f"{path} may not be opened: add this user to the group dialout and log in again"
+    if "no such file" in reason or "not found" in reason:
+        return f"{path} is not there: plug in the Arduino, or set bridge.serial_port in robot.toml"
+    if "busy" in reason or "exclusively lock" in reason or "unavailable" in reason:
+        return f"{path} is in use by another program: close it"
+    return f"{path} cannot be used ({error}): check the USB cable"

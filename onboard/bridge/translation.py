@@ -1,0 +1,104 @@
+"""Messages of the serial line (integers in mm, 0.01 deg, ms) <-> messages of the mesh (SI). Pure."""
+
+from __future__ import annotations
+
+from math import degrees, nan, radians
+
+from common.constants import SONAR_AGE_MAX_S, SONAR_RING_RADIUS_M
+from common.errors import ErrorCode
+from common.geometry import wrap_angle
+from common.messages import (
+    CarrierReport,
+    CarrierState,
+    Distances,
+    DriveCommand,
+    Odometry,
+    Ranges,
+    Status,
+)
+from onboard.bridge.protocol import CarSta, CarState, Drv, Dst, Odo, OdoFlag, Rng, SimSta, SimState
+
+_STATES = {
+    CarState.BOOT: CarrierState.BOOT,
+    CarState.DISARMED: CarrierState.DISARMED,
+    CarState.READY: CarrierState.READY,
+    CarState.MOVING: CarrierState.MOVING,
+    CarState.BACKING_OFF: CarrierState.BACKING_OFF,
+    CarState.STOPPED: CarrierState.STOPPED,
+    CarState.FAULT: CarrierState.FAULT,
+}
+_CLIFF = OdoFlag.CLIFF_LEFT | OdoFlag.CLIFF_RIGHT
+
+
+def odometry(odo: Odo, t_s: float, session: int, imu_works: bool) -> Odometry:
+    flags = OdoFlag(odo.flags)
+    return Odometry(
+        t_s=t_s,
+        ticks_left=odo.ticks_left,
+        ticks_right=odo.ticks_right,
+        yaw_rad=wrap_angle(radians(odo.yaw_cdeg / 100.0)),
+        yaw_rate_rad_s=radians(odo.rate_cdps / 100.0),
+        x_m=odo.x_mm / 1000.0,
+        y_m=odo.y_mm / 1000.0,
+        speed_m_s=odo.speed_mm_s / 1000.0,
+        standing=bool(flags & OdoFlag.STANDING),
+        bumper=bool(flags & OdoFlag.BUMPER),
+        cliff=bool(flags & _CLIFF),
+        session=session,
+        valid=imu_works and bool(flags & OdoFlag.CALIBRATED),
+    )
+
+
+def ranges(rng: Rng, t_s: float) -> Ranges:
+    """From the ring's centre; what is older than SONAR_AGE_MAX_S counts as nothing heard."""
+    ages_s = tuple(age_ms / 1000.0 for age_ms in rng.age_ms)
+    ranges_m = tuple(
+        mm / 1000.0 + SONAR_RING_RADIUS_M if mm and age_s <= SONAR_AGE_MAX_S else nan
+        for mm, age_s in zip(rng.range_mm, ages_s, strict=True)
+    )
+    return Ranges(t_s, ranges_m, ages_s)
+
+
+def distances(dst: Dst, t_s: float) -> Distances:
+    left_m, right_m, front_m = (mm / 1000.0 if mm else nan for mm in dst)
+    return Distances(t_s, left_m, right_m, front_m)
+
+
+def carrier_report(sta: CarSta, t_s: float) -> CarrierReport:
+    return CarrierReport(
+        t_s=t_s,
+        state=_STATES[CarState(sta.state)],
+        command_id=sta.command_id,
+        completed_id=sta.completed_id,
+        aborted_id=sta.aborted_id,
+        speed_m_s=sta.speed_mm_s / 1000.0,
+        pwm_left=sta.pwm_left,
+        pwm_right=sta.pwm_right,
+        enabled=bool(sta.enabled),
+        stop_latched=bool(sta.stop_latched),
+        battery_v=sta.battery_mv / 1000.0,
+    )
+
+
+def error_code(number: int) -> ErrorCode:
+    """The row of the table; a number that is not in it is a firmware newer than this program."""
+    try:
+        return ErrorCode(number)
+    except ValueError:
+        return ErrorCode.INTERNAL
+
+
+def sim_status(sta: SimSta, t_s: float, beats: int) -> Status:
+    ready = sta.state == SimState.RUNNING
+    detail = f"free_ram={sta.free_ram} bad_lines={sta.bad_lines}"
+    return Status(t_s, SimState(sta.state).name, error_code(sta.error), sta.free_ram // 1024, ready, beats, detail)
+
+
+def car_status(sta: CarSta, t_s: float, beats: int, free_ram: int) -> Status:
+    ready = sta.state not in (CarState.BOOT, CarState.FAULT)
+    detail = f"free_ram={free_ram} battery_mv={sta.battery_mv}"
+    return Status(t_s, CarState(sta.state).name, error_code(sta.error), free_ram // 1024, ready, beats, detail)
+
+
+def drive_line(command: DriveCommand) -> Drv:
+    return Drv(command.command_id, int(command.speed), round(degrees(command.yaw_rad) * 100.0) % 36000)

@@ -1,0 +1,66 @@
+"""Which required module is missing, and may the robot move as far as the modules go (CM_MR_02)? Pure.
+
+A module is sound while its Zenoh token is up (its process runs), its status is fresh and its beats advance (its own
+loop runs), and it says that it is ready. The first fault revokes; all sound for WATCHDOG_CLEAR_S grants again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from common.constants import STARTUP_GRACE_S, STATUS_RATE_HZ, WATCHDOG_CLEAR_S
+
+# Two periods: with the period of comm and the way there, a frozen module costs less than the 250 ms that are allowed
+STATUS_AGE_MAX_S = 2.0 / STATUS_RATE_HZ
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleReading:
+    """What comm knows of one module; ages by arrival, infinite when nothing ever came."""
+
+    token: bool
+    status_age_s: float
+    beat_age_s: float
+    ready: bool
+    state: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogState:
+    started_s: float
+    sound_since_s: float | None = None
+    ever_granted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    granted: bool
+    reason: str  # one sentence, empty when granted
+    starting: bool = False  # nothing is wrong yet: modules are still coming up
+
+
+def fault_of(module: str, reading: ModuleReading) -> str | None:
+    """What is wrong with a module, in words for people; None when nothing is."""
+    if not reading.token:
+        return f"{module} is not running"
+    if reading.status_age_s > STATUS_AGE_MAX_S:
+        return f"{module} is silent"
+    if reading.beat_age_s > STATUS_AGE_MAX_S:
+        return f"the loop of {module} stands still"
+    if not reading.ready:
+        return f"{module} is not ready ({reading.state})"
+    return None
+
+
+def watch(state: WatchdogState, readings: Mapping[str, ModuleReading], now_s: float) -> tuple[WatchdogState, Verdict]:
+    """The next state and whether the required modules allow motion; `readings` names every required one."""
+    faults = [fault for module, reading in readings.items() if (fault := fault_of(module, reading))]
+    starting = not state.ever_granted and now_s - state.started_s < STARTUP_GRACE_S
+    if faults:
+        return replace(state, sound_since_s=None), Verdict(False, ", ".join(faults), starting)
+    since_s = now_s if state.sound_since_s is None else state.sound_since_s
+    if now_s - since_s < WATCHDOG_CLEAR_S:
+        waiting = Verdict(False, "all modules are there, watching them for a moment", starting)
+        return replace(state, sound_since_s=since_s), waiting
+    return replace(state, sound_since_s=since_s, ever_granted=True), Verdict(True, "")

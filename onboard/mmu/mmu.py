@@ -1,0 +1,128 @@
+"""The mapping unit as a node: odometry and ranges in; pose, wall points, occupancy grid and trajectory out."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from dataclasses import replace
+
+import numpy as np
+
+from common.bus import Bus, alive
+from common.constants import MAP_RATE_MAX_HZ, SONAR_BEARINGS_RAD
+from common.errors import ErrorCode
+from common.messages import (
+    GRID,
+    MAP,
+    ODOMETRY,
+    POSE,
+    RANGES,
+    TRAJECTORY,
+    GridUpdate,
+    MapUpdate,
+    Odometry,
+    PoseEstimate,
+    Ranges,
+    Trajectory,
+)
+from common.status import StatusReporter
+from onboard.mmu.occupancy import CELL_M
+from onboard.mmu.slam import Slam
+
+GRID_PERIOD_S = 1.0
+TRAJECTORY_PERIOD_S = 10.0
+MAX_SD_M = 1.5  # a pose less certain than this is not valid
+
+
+class MappingUnit:
+    """Node "mmu". One map per run: its frame is the pose at the first report."""
+
+    name = "mmu"
+    period_s = 0.05
+
+    def __init__(self, bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD) -> None:
+        self._slam = Slam(bearings_rad)
+        self._status = StatusReporter(self.name)
+        self._map_sent_s = self._grid_sent_s = self._trajectory_sent_s = -math.inf
+        self._sent_points = 0
+        self._sent_revision = -1
+        self._grid_revision = 0
+        self._ranges: list[Ranges] = []
+        self._pose: PoseEstimate | None = None
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        self._ranges += bus.take(RANGES)
+        for odometry in bus.take(ODOMETRY):
+            self._take_in(bus, odometry)
+        fresh = alive(bus, ODOMETRY)
+        if self._pose is not None and not fresh and self._pose.valid:
+            self._pose = replace(self._pose, valid=False)
+            bus.publish(POSE, self._pose)
+        if self._slam.travel_m or self._pose is not None:
+            self._publish_map(bus, now_s)
+        ready = fresh and self._pose is not None and self._pose.valid
+        error = ErrorCode.OK if ready else ErrorCode.POSE_UNCERTAIN if fresh else ErrorCode.NO_ODOMETRY
+        self._status.report(bus, now_s, state="MAPPING" if ready else "WAITING", error=error, ready=ready)
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _take_in(self, bus: Bus, odometry: Odometry) -> None:
+        if not odometry.valid:
+            return
+        matching = next((r for r in self._ranges if abs(r.t_s - odometry.t_s) < 0.05), None)
+        self._ranges = [r for r in self._ranges if r.t_s > odometry.t_s]
+        self._slam.update(odometry, matching)
+        pose = self._slam.pose
+        sd_xy_m, sd_heading_rad = self._slam.uncertainty
+        self._pose = PoseEstimate(
+            t_s=odometry.t_s,
+            x_m=pose.x_m,
+            y_m=pose.y_m,
+            heading_rad=pose.heading_rad,
+            yaw_rad=odometry.yaw_rad,
+            sd_xy_m=sd_xy_m,
+            sd_heading_rad=sd_heading_rad,
+            map_revision=self._slam.revision,
+            valid=sd_xy_m < MAX_SD_M,
+        )
+        bus.publish(POSE, self._pose)
+
+    def _publish_map(self, bus: Bus, now_s: float) -> None:
+        changed = self._slam.wall_count > self._sent_points or self._slam.revision != self._sent_revision
+        if changed and now_s - self._map_sent_s >= 1.0 / MAP_RATE_MAX_HZ:
+            self._map_sent_s = now_s
+            anew = self._slam.revision != self._sent_revision
+            start = 0 if anew else self._sent_points
+            points = self._slam.wall_points(start).astype(np.float32)
+            self._sent_points, self._sent_revision = self._slam.wall_count, self._slam.revision
+            inferred = np.zeros(len(points), np.uint8)
+            bus.publish(MAP, MapUpdate(now_s, self._slam.revision, start, points, inferred))
+            if anew:
+                self._trajectory_sent_s = -math.inf
+        if now_s - self._grid_sent_s >= GRID_PERIOD_S:
+            self._grid_sent_s = now_s
+            self._publish_grid(bus, now_s)
+        if now_s - self._trajectory_sent_s >= TRAJECTORY_PERIOD_S:
+            self._trajectory_sent_s = now_s
+            bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
+
+    def _publish_grid(self, bus: Bus, now_s: float) -> None:
+        self._slam.draw()
+        cells = self._slam.grid.cells()
+        origin_x_m, origin_y_m = self._slam.grid.origin_m
+        self._grid_revision += 1
+        bus.publish(
+            GRID,
+            GridUpdate(
+                now_s,
+                self._grid_revision,
+                origin_x_m,
+                origin_y_m,
+                CELL_M,
+                cells.shape[0],
+                cells.shape[1],
+                zlib.compress(cells.tobytes(), 1),
+            ),
+        )
+

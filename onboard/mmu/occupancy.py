@@ -1,0 +1,105 @@
+"""Occupancy grid for driving: wall where echoes agree, free where a range passed, unknown where nothing was learned.
+
+A lost echo is no information, except that nothing stands close in front of a sonar that heard nothing several times
+running. A ray never frees what lies behind a known wall.
+"""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+import numpy.typing as npt
+
+from common.geometry import Points
+
+CELL_M = 0.1
+GROWTH_CELLS = 100
+UNKNOWN, FREE, WALL = 0, 1, 2
+RAY_SPREAD_RAD = tuple(radians(a) for a in (-8.0, -4.0, 0.0, 4.0, 8.0))
+RAY_MARGIN_M = 0.15  # a ray ends this far before its echo
+RAY_MAX_M = 5.0
+SILENT_FREE_M = 1.0  # how far a sonar that hears nothing several times running frees
+HITS_FOR_WALL = 2
+HULL_CLEAR_M = 0.25
+_STEP_M = 0.08
+_REACHES = np.arange(0.0, RAY_MAX_M, _STEP_M)
+_DISC = np.array(
+    [(x, y) for x in np.arange(-0.2, 0.21, 0.1) for y in np.arange(-0.2, 0.21, 0.1) if x * x + y * y <= HULL_CLEAR_M**2]
+)
+
+Cells = npt.NDArray[np.uint8]
+
+
+class OccupancyGrid:
+    """Grows as the map does. `cells()` gives the grid; `origin_m` is the outer corner of cell (0, 0)."""
+
+    def __init__(self) -> None:
+        self._origin = np.array([-10.0, -10.0])
+        self._hits = np.zeros((200, 200), np.uint32)  # [row along y, column along x]
+        self._passes = np.zeros((200, 200), np.uint32)
+
+    @property
+    def origin_m(self) -> tuple[float, float]:
+        return float(self._origin[0]), float(self._origin[1])
+
+    def add_walls(self, points_m: Points) -> None:
+        """Echoes (N, 2) on walls."""
+        if len(points_m):
+            self._make_room(points_m)
+            np.add.at(self._hits, self._index(points_m), 1)
+
+    def add_rays(self, starts_m: Points, directions_rad: npt.ArrayLike, free_m: npt.ArrayLike) -> None:
+        """Free space along rays: starts (N, 2), directions (N,), how far (N,); infinite where nothing was heard."""
+        if not len(starts_m):
+            return
+        free = np.asarray(free_m, dtype=np.float64)
+        free = np.where(np.isfinite(free), np.minimum(free - RAY_MARGIN_M, RAY_MAX_M), SILENT_FREE_M)
+        spread = np.array(RAY_SPREAD_RAD)
+        angle = (np.asarray(directions_rad)[:, None] + spread[None, :]).ravel()
+        free = np.repeat(free, len(spread))
+        start = np.repeat(starts_m, len(spread), axis=0)
+        unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        ends = start + unit * np.maximum(free, 0.0)[:, None]
+        self._make_room(np.concatenate([starts_m, ends]))
+        steps = int(max(free.max(), 0.0) / _STEP_M) + 1
+        reach = _REACHES[:steps]
+        points = start[:, None, :] + unit[:, None, :] * reach[None, :, None]
+        index = self._index(points)
+        seen_wall = np.cumsum(self._hits[index] >= HITS_FOR_WALL, axis=1) > 0
+        open_ = (reach[None, :] <= free[:, None]) & ~seen_wall
+        np.add.at(self._passes, (index[0][open_], index[1][open_]), 1)
+
+    def add_hull(self, positions_m: Points) -> None:
+        """Where the robot itself stood (N, 2) is free, whatever the sonars say."""
+        if len(positions_m):
+            self._make_room(positions_m)
+            index = self._index((positions_m[:, None, :] + _DISC[None, :, :]).reshape(-1, 2))
+            np.add.at(self._passes, index, 50)
+            self._hits[index] = 0
+
+    def cells(self) -> Cells:
+        """(rows, columns) of UNKNOWN, FREE, WALL."""
+        wall = self._hits >= HITS_FOR_WALL
+        return np.where(wall, WALL, np.where(self._passes > 0, FREE, UNKNOWN)).astype(np.uint8)
+
+    def _index(self, points_m: Points) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        cell = np.floor((points_m - self._origin) / CELL_M).astype(np.int64)
+        limit = np.array(self._hits.shape)[::-1] - 1
+        cell = np.clip(cell, 0, limit)
+        return cell[..., 1], cell[..., 0]
+
+    def _make_room(self, points_m: Points) -> None:
+        low, high = points_m.min(axis=0) - 1.0, points_m.max(axis=0) + 1.0
+        size = np.array(self._hits.shape)[::-1] * CELL_M
+        before = np.ceil(np.maximum(self._origin - low, 0.0) / CELL_M).astype(int)
+        after = np.ceil(np.maximum(high - self._origin - size, 0.0) / CELL_M).astype(int)
+        if not (before.any() or after.any()):
+            return
+        before = np.where(before > 0, before + GROWTH_CELLS, 0)
+        after = np.where(after > 0, after + GROWTH_CELLS, 0)
+        pad = ((before[1], after[1]), (before[0], after[0]))
+        self._hits, self._passes = np.pad(self._hits, pad), np.pad(self._passes, pad)
+        self._origin = self._origin - before * CELL_M
+
+

@@ -1,0 +1,9 @@
+"""Process "planner": the Planner on the BeagleBone."""
+
+import sys
+
+from common.process import run
+from onboard.planner.planner import Planner
+
+if __name__ == "__main__":
+    sys.exit(run("planner", lambda _config, _arguments: Planner()))

@@ -1,0 +1,76 @@
+"""The emergency routine: stop for anything too near in the direction of motion, then get away from it.
+
+Runs at the Planner's full rate on the newest ranges, whatever the mission wants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from common.constants import (
+    HULL_RADIUS_M,
+    PLANNER_CLEARANCE_M,
+    SONAR_BEARINGS_RAD,
+    SONAR_FRONT,
+    SONAR_FRONT_LEFT,
+    SONAR_FRONT_RIGHT,
+)
+from common.messages import Speed
+
+REACTION_S = 0.25  # age of a range and of a command
+BRAKING_M_S2 = 0.3
+BLOCKED_S = 1.2  # standing in front of it for so long makes it an obstacle
+BACK_OFF_S = 1.3  # backwards over floor driven just now
+AHEAD = (SONAR_FRONT, SONAR_FRONT_LEFT, SONAR_FRONT_RIGHT)
+
+
+class Phase(Enum):
+    CLEAR = "clear"
+    STOPPED = "something is near"
+    BACKING = "backing off"
+
+
+@dataclass(frozen=True, slots=True)
+class Emergency:
+    """State between ticks: `since_s` is when the phase began, `bearing_rad` where the thing stands."""
+
+    phase: Phase = Phase.CLEAR
+    since_s: float = 0.0
+    bearing_rad: float = 0.0
+
+
+def nearest_ahead(ranges_m: tuple[float, ...]) -> tuple[float, float]:
+    """Distance from the hull (metres) and bearing of the nearest echo ahead; infinite where there is none."""
+    return min(
+        ((ranges_m[i] - HULL_RADIUS_M, SONAR_BEARINGS_RAD[i]) for i in AHEAD if ranges_m[i] == ranges_m[i]),
+        default=(float("inf"), 0.0),
+    )
+
+
+def stopping_m(speed_m_s: float) -> float:
+    """The way that the robot still goes at this speed before it stands."""
+    speed = max(speed_m_s, 0.0)
+    return speed * REACTION_S + speed**2 / (2 * BRAKING_M_S2)
+
+
+def watch(
+    state: Emergency, now_s: float, wanted: Speed, ranges_m: tuple[float, ...], speed_m_s: float
+) -> tuple[Emergency, bool]:
+    """Next state, and whether the obstacle has just become one to plan around."""
+    distance_m, bearing_rad = nearest_ahead(ranges_m)
+    limit_m = PLANNER_CLEARANCE_M + stopping_m(speed_m_s)
+    near = distance_m < limit_m
+    if state.phase is Phase.CLEAR:
+        if near and wanted in (Speed.MEDIUM, Speed.HIGH):
+            return Emergency(Phase.STOPPED, now_s, bearing_rad), False
+        return state, False
+    if state.phase is Phase.STOPPED:
+        if not near:
+            return Emergency(), False
+        if now_s - state.since_s > BLOCKED_S:
+            return Emergency(Phase.BACKING, now_s, bearing_rad), True
+        return state, False
+    if now_s - state.since_s > BACK_OFF_S:
+        return Emergency(), False
+    return state, False

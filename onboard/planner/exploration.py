@@ -1,0 +1,182 @@
+"""What is still to be seen: the list of side halls as frontier groups, the way straight on, the opening on the right.
+
+The list of the specification holds a side hall's position and heading when the robot passes it; here it is read off the
+grid at any time: a group of frontier cells is a hall end or side hall that nobody has looked into, and it leaves the
+list by itself when somebody has. (Frontiers: Yamauchi 1997.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, sin
+
+import numpy as np
+import numpy.typing as npt
+
+from common.geometry import Points, Pose2, wrap_angle
+from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, GridMap, Mask
+
+GROUP_CELLS_MIN = 5
+STRAIGHT_MIN_M = 0.45
+STRAIGHT_MAX_M = 6.0
+STRAIGHT_SIDE_M = 3.5  # frontier this far to the side is seen in passing
+OPENING_BEHIND_M = (-2.0, -0.5)  # where along the way an opening on the right is judged: when it was passed
+OPENING_SIDE_M = (-3.0, -0.3)
+OPENING_WIDTH_M = 0.6
+GIVEN_UP_RADIUS_M = 0.45
+
+
+@dataclass(frozen=True, slots=True)
+class FrontierGroup:
+    """Neighbouring frontier cells (N, 2) and their middle in the map."""
+
+    cells: npt.NDArray[np.int64]
+    x_m: float
+    y_m: float
+
+
+class Exploration:
+    """Reads grid and pose; remembers only the places that were looked into in vain."""
+
+    def __init__(self) -> None:
+        self._given_up: list[tuple[float, float]] = []
+
+    def give_up(self, x_m: float, y_m: float) -> None:
+        """Whatever frontier is left around this position will not be visited again."""
+        self._given_up.append((x_m, y_m))
+
+    def frontier(self, grid: GridMap) -> Mask:
+        """Frontier cells that are still worth a visit."""
+        mask = grid.frontier.copy()
+        cells = np.argwhere(mask)
+        if len(cells) and self._given_up:
+            centres = grid.centres(cells)
+            for x_m, y_m in self._given_up:
+                near = np.hypot(centres[:, 0] - x_m, centres[:, 1] - y_m) < GIVEN_UP_RADIUS_M
+                mask[tuple(cells[near].T)] = False
+        return mask
+
+
+def groups(grid: GridMap, frontier: Mask) -> list[FrontierGroup]:
+    """Connected groups (8 neighbours) of at least GROUP_CELLS_MIN frontier cells."""
+    left = {(int(r), int(c)) for r, c in np.argwhere(frontier)}
+    found: list[FrontierGroup] = []
+    while left:
+        stack = [left.pop()]
+        members = []
+        while stack:
+            r, c = stack.pop()
+            members.append((r, c))
+            for cell in ((r + i, c + j) for i in (-2, -1, 0, 1, 2) for j in (-2, -1, 0, 1, 2)):
+                if cell in left:
+                    left.remove(cell)
+                    stack.append(cell)
+        if len(members) >= GROUP_CELLS_MIN:
+            cells = np.array(members)
+            middle = grid.centres(cells).mean(axis=0)
+            found.append(FrontierGroup(cells, float(middle[0]), float(middle[1])))
+    return found
+
+
+def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Mask | None = None) -> float:
+    """How far the hull can go straight on by the grid; unknown floor counts as open, `blocked` cells do not."""
+    steps = np.arange(0.2, STRAIGHT_MAX_M, grid.cell_m)
+    rows, columns = grid.line(
+        (pose.x_m, pose.y_m),
+        (pose.x_m + STRAIGHT_MAX_M * cos(heading_rad), pose.y_m + STRAIGHT_MAX_M * sin(heading_rad)),
+    )
+    tight = grid.clearance_m[rows, columns] < STAND_CLEARANCE_M
+    if blocked is not None:
+        tight |= blocked[rows, columns]
+    distance = np.linspace(0.0, STRAIGHT_MAX_M, len(rows))
+    tight &= distance > steps[0]
+    return float(distance[tight.argmax()]) if tight.any() else STRAIGHT_MAX_M
+
+
+def something_ahead(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float, reach_m: float) -> bool:
+    """Is there frontier that will be seen in passing by driving straight on?"""
+    if reach_m < STRAIGHT_MIN_M:
+        return False
+    points = _relative(grid, frontier, pose, heading_rad)
+    ahead = (points[:, 0] > 0.15) & (points[:, 0] < reach_m + 0.5) & (np.abs(points[:, 1]) < STRAIGHT_SIDE_M)
+    candidates = points[ahead]
+    for x_m, y_m in candidates[:: max(1, len(candidates) // 40)]:
+        at = pose.x_m + x_m * cos(heading_rad), pose.y_m + x_m * sin(heading_rad)
+        target = at[0] - y_m * sin(heading_rad), at[1] + y_m * cos(heading_rad)
+        if grid.sees(at, target):
+            return True
+    return False
+
+
+def opening_on_the_right(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float) -> Mask | None:
+    """Frontier cells of an opening on the right that was just passed and is wide enough to enter; None = wall right."""
+    cells = np.argwhere(frontier)
+    if not len(cells):
+        return None
+    points = _relative(grid, frontier, pose, heading_rad)
+    passed = (
+        (points[:, 0] > OPENING_BEHIND_M[0])
+        & (points[:, 0] < OPENING_BEHIND_M[1])
+        & (points[:, 1] > OPENING_SIDE_M[0])
+        & (points[:, 1] < OPENING_SIDE_M[1])
+    )
+    if not passed.any() or np.ptp(points[passed, 0]) < OPENING_WIDTH_M:
+        return None
+    centres = grid.centres(cells[passed])
+    seen = np.array([grid.sees((pose.x_m, pose.y_m), (float(x), float(y))) for x, y in centres])
+    if seen.sum() < GROUP_CELLS_MIN or np.ptp(points[passed][seen, 0]) < OPENING_WIDTH_M:
+        return None
+    opening = np.zeros_like(frontier)
+    opening[tuple(cells[passed][seen].T)] = True
+    return opening
+
+
+def unknown_direction_rad(grid: GridMap, x_m: float, y_m: float, fallback_rad: float) -> float:
+    """Direction in the map from a position to the unknown floor within sight around it."""
+    row, column = grid.cell(x_m, y_m)
+    reach = round(1.0 / grid.cell_m)
+    r0, c0 = max(row - reach, 0), max(column - reach, 0)
+    window = grid.cells[r0 : row + reach + 1, c0 : column + reach + 1]
+    unknown = np.argwhere(window == UNKNOWN)
+    if not len(unknown):
+        return fallback_rad
+    points = grid.centres(unknown + np.array([r0, c0])) - np.array([x_m, y_m])
+    seen = np.array([grid.sees((x_m, y_m), (x_m + float(p[0]), y_m + float(p[1]))) for p in points[::3]])
+    points = points[::3][seen] if seen.any() else points
+    dx, dy = points.mean(axis=0)
+    return atan2(float(dy), float(dx)) if hypot(float(dx), float(dy)) > 0.1 else fallback_rad
+
+
+def hall_direction_rad(points: Points, pose: Pose2, heading_rad: float) -> float | None:
+    """Direction of the wall on the right (else on the left) near the robot, within 20 degrees of `heading_rad`."""
+    c, s = cos(heading_rad), sin(heading_rad)
+    d = points - np.array([pose.x_m, pose.y_m])
+    along, side = d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c
+    near = (along > -3.0) & (along < 1.0)
+    for sign in (-1.0, 1.0):
+        mine = near & (side * sign > 0.2) & (side * sign < 3.5)
+        if mine.sum() < 15:
+            continue
+        x, y = along[mine], side[mine]
+        keep = np.abs(y - np.median(y)) < 0.3
+        for _ in range(3):
+            if keep.sum() < 15 or np.ptp(x[keep]) < 1.2:
+                break
+            slope, offset = np.polyfit(x[keep], y[keep], 1)
+            keep = np.abs(y - slope * x - offset) < 0.06
+        else:
+            if keep.mean() > 0.6 and abs(slope) < 0.36:
+                return wrap_angle(heading_rad + atan2(float(slope), 1.0))
+    return None
+
+
+def _relative(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float) -> Points:
+    """Frontier cells as (N, 2): forward and left of the robot."""
+    cells = np.argwhere(frontier)
+    if not len(cells):
+        return np.zeros((0, 2))
+    d = grid.centres(cells) - np.array([pose.x_m, pose.y_m])
+    c, s = cos(heading_rad), sin(heading_rad)
+    return np.stack([d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c], axis=1)
+
+

@@ -1,0 +1,135 @@
+"""The occupancy grid as the Planner reads it: clearance from walls, where the hull can stand, and the frontier."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from common.constants import HULL_RADIUS_M, PLANNER_CLEARANCE_M
+from common.geometry import Points
+from common.messages import GridUpdate
+
+UNKNOWN, FREE, WALL = 0, 1, 2
+CLEARANCE_MAX_CELLS = 16
+STAND_CLEARANCE_M = HULL_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
+OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not a way
+FRONTIER_NEIGHBOURS_MIN = 4  # frontier cells within 0.2 m, itself included
+
+Mask = npt.NDArray[np.bool_]
+Cell = tuple[int, int]  # row, column
+
+
+@dataclass(frozen=True)
+class GridMap:
+    """`cells` (rows, columns) of UNKNOWN, FREE, WALL; `origin` is the outer corner of cell (0, 0) in the map."""
+
+    cells: npt.NDArray[np.uint8]
+    origin_x_m: float
+    origin_y_m: float
+    cell_m: float
+
+    @classmethod
+    def from_update(cls, update: GridUpdate) -> GridMap:
+        """Raises ValueError when the cells do not fill the announced shape."""
+        cells = np.frombuffer(zlib.decompress(update.cells_zlib), np.uint8).reshape(update.rows, update.columns)
+        known = np.argwhere(cells != UNKNOWN)
+        if not len(known):
+            return cls(cells, update.origin_x_m, update.origin_y_m, update.cell_m)
+        (r0, c0), (r1, c1) = np.maximum(known.min(axis=0) - 4, 0), known.max(axis=0) + 5
+        cut = cells[r0:r1, c0:c1]
+        return cls(
+            _close_slivers(cut),
+            update.origin_x_m + float(c0) * update.cell_m,
+            update.origin_y_m + float(r0) * update.cell_m,
+            update.cell_m,
+        )
+
+    def cell(self, x_m: float, y_m: float) -> Cell:
+        return int((y_m - self.origin_y_m) // self.cell_m), int((x_m - self.origin_x_m) // self.cell_m)
+
+    def centre(self, cell: Cell) -> tuple[float, float]:
+        return self.origin_x_m + (cell[1] + 0.5) * self.cell_m, self.origin_y_m + (cell[0] + 0.5) * self.cell_m
+
+    def centres(self, cells: npt.NDArray[np.int64]) -> Points:
+        """Map positions (N, 2) of cells (N, 2)."""
+        return (cells[:, ::-1] + 0.5) * self.cell_m + np.array([self.origin_x_m, self.origin_y_m])
+
+    def contains(self, cell: Cell) -> bool:
+        return 0 <= cell[0] < self.cells.shape[0] and 0 <= cell[1] < self.cells.shape[1]
+
+    @cached_property
+    def clearance_m(self) -> npt.NDArray[np.float32]:
+        """Distance from each cell's centre to the nearest wall cell's centre, up to 1.6 m."""
+        return _distance_cells(self.cells == WALL, CLEARANCE_MAX_CELLS) * np.float32(self.cell_m)
+
+    @cached_property
+    def standable(self) -> Mask:
+        """Free cells on which the hull keeps its distance from every known wall."""
+        return (self.cells == FREE) & (self.clearance_m >= STAND_CLEARANCE_M)
+
+    @cached_property
+    def frontier(self) -> Mask:
+        """Free cells beside unknown ones, away from walls and not alone: ways that nobody has looked into."""
+        unknown = self.cells == UNKNOWN
+        beside = np.zeros_like(unknown)
+        beside[1:] |= unknown[:-1]
+        beside[:-1] |= unknown[1:]
+        beside[:, 1:] |= unknown[:, :-1]
+        beside[:, :-1] |= unknown[:, 1:]
+        candidates = (self.cells == FREE) & beside & (self.clearance_m >= OPENING_CLEARANCE_M)
+        count = _box_sum(candidates.astype(np.int16), 2)
+        return candidates & (count >= FRONTIER_NEIGHBOURS_MIN)
+
+    @property
+    def area_m2(self) -> float:
+        return float((self.cells == FREE).sum()) * self.cell_m**2
+
+    def line(self, a: tuple[float, float], b: tuple[float, float]) -> tuple[npt.NDArray[np.int64], ...]:
+        """Rows and columns of the cells from position a to position b, clipped to the grid."""
+        steps = max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / (0.6 * self.cell_m)), 1)
+        f = np.linspace(0.0, 1.0, steps + 1)
+        columns = ((a[0] + f * (b[0] - a[0]) - self.origin_x_m) / self.cell_m).astype(np.int64)
+        rows = ((a[1] + f * (b[1] - a[1]) - self.origin_y_m) / self.cell_m).astype(np.int64)
+        return np.clip(rows, 0, self.cells.shape[0] - 1), np.clip(columns, 0, self.cells.shape[1] - 1)
+
+    def sees(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
+        """No wall between two positions."""
+        return not bool((self.cells[self.line(a, b)] == WALL).any())
+
+
+def _close_slivers(cells: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """Unknown cells almost surrounded by free ones are free: gaps between neighbouring rays."""
+    out = cells.copy()
+    for _ in range(2):
+        free = _box_sum((out == FREE).astype(np.int16), 1)
+        out[(out == UNKNOWN) & (free >= 5)] = FREE
+    return out
+
+
+def _box_sum(values: npt.NDArray[np.int16], reach: int) -> npt.NDArray[np.int16]:
+    total = np.zeros_like(values)
+    padded = np.pad(values, reach)
+    rows, columns = values.shape
+    for i in range(2 * reach + 1):
+        for j in range(2 * reach + 1):
+            total += padded[i : i + rows, j : j + columns]
+    return total
+
+
+def _distance_cells(walls: Mask, reach: int) -> npt.NDArray[np.float32]:
+    """Exact Euclidean distance to the nearest wall in cells, capped at `reach` (separable: Felzenszwalb's two passes)."""
+    rows, columns = walls.shape
+    index = np.arange(columns)
+    left = np.maximum.accumulate(np.where(walls, index, -10_000), axis=1)
+    right = np.minimum.accumulate(np.where(walls, index, 10_000)[:, ::-1], axis=1)[:, ::-1]
+    along = np.minimum(np.minimum(index - left, right - index), reach).astype(np.int16)
+    squared = np.pad(along * along, ((reach, reach), (0, 0)), constant_values=reach * reach)
+    best = squared[reach : reach + rows].copy()
+    for k in range(1, reach + 1):
+        for offset in (reach - k, reach + k):
+            np.minimum(best, squared[offset : offset + rows] + np.int16(k * k), out=best)
+    return np.sqrt(np.minimum(best, reach * reach), dtype=np.float32)

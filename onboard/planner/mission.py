@@ -1,0 +1,371 @@
+"""The mission: explore by the right-hand rule and the list of side halls, come home, stop.
+
+A state machine that is asked ten times a second for the motion it wants, given pose, grid, wall points and distances.
+It knows no messages and no clock of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from math import atan2, cos, hypot, inf, radians, sin
+
+import numpy as np
+
+from common.geometry import Points, Pose2, wrap_angle
+from common.messages import Speed
+from onboard.planner import exploration
+from onboard.planner.exploration import Exploration, FrontierGroup
+from onboard.planner.grid_map import GridMap, Mask
+from onboard.planner.right_hand_rule import shift_rad
+from onboard.planner.route_planning import cell_costs, length_m, pull_string, shortest_path, straight_is_clear
+
+ARRIVED_M = 0.15
+FAST_CLEARANCE_M = 0.6
+FAST_LENGTH_M = 1.5
+FRONT_STOP_M = 0.5  # from the ring's centre: straight driving ends here
+LOOK_S = 1.2  # standing after a turn, for ranges and grid to catch up
+REST_EVERY_S = 30.0  # of motion, for the gyro's bias
+REST_S = 1.3
+HEADING_REACHED_RAD = radians(3.0)
+TURN_TIMEOUT_S = 12.0
+BLOCK_RADIUS_M = 0.35
+BLOCK_FOR_S = 40.0
+LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
+OBSTRUCTIONS_MAX = 2  # of the way to one entry of the list, then it is given up
+VAIN_LEG_M = 0.3
+VAIN_LEG_RAD = radians(30.0)
+OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
+
+
+class Mode(Enum):
+    WAITING = "waiting for start"
+    STRAIGHT = "following the hall"
+    ROUTE = "driving to a side hall"
+    LOOK = "looking"
+    HOME = "driving home"
+    ALIGN = "home, turning to the first heading"
+    GOTO = "driving to a place"
+    DONE = "done"
+    STUCK = "no way out; waiting"
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What the mission wants of the Carrier: a speed and a heading in the map."""
+
+    speed: Speed
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What the mission sees in one tick. Distances from the ring's centre, NaN = no echo."""
+
+    now_s: float
+    pose: Pose2
+    grid: GridMap
+    grid_revision: int
+    points: Points
+    left_m: float
+    right_m: float
+    front_m: float
+
+
+class Mission:
+    """`step` returns the wanted motion; `mode`, `groups` and `way` tell people what it is about."""
+
+    def __init__(self, returns_home: bool = True) -> None:
+        self.mode = Mode.WAITING
+        self.groups: list[FrontierGroup] = []
+        self.way: list[tuple[float, float]] = []
+        self._returns_home = returns_home
+        self._exploration = Exploration()
+        self._frontier: Mask = np.zeros((0, 0), dtype=bool)
+        self._blocked: Mask = self._frontier
+        self._grid_seen = -1
+        self._leg_rad = 0.0
+        self._look_rad = 0.0
+        self._look_since_s = 0.0
+        self._look_settled_s = inf
+        self._target: tuple[float, float] = (0.0, 0.0)
+        self._moving_s = 0.0
+        self._rest_until_s = -inf
+        self._last_s: float | None = None
+        self._blocks: list[tuple[float, float, float]] = []
+        self._empty_lists = 0
+        self._opening_checked: Pose2 | None = None
+        self._leg_start: Pose2 | None = None
+        self._obstructed: dict[tuple[float, float], int] = {}
+        self._vain_legs: list[Pose2] = []  # where driving straight on led nowhere
+        self._retry_s = 0.0
+
+    @property
+    def finished(self) -> bool:
+        return self.mode is Mode.DONE
+
+    def start(self, pose: Pose2) -> None:
+        if self.mode is Mode.WAITING or self.mode is Mode.DONE:
+            self._look(pose.heading_rad, 0.0)
+
+    def go_home(self) -> None:
+        self.mode, self.way = Mode.HOME, []
+
+    def go_to(self, x_m: float, y_m: float) -> None:
+        self.mode, self.way, self._target = Mode.GOTO, [], (x_m, y_m)
+
+    def blocked(self, view: View, bearing_rad: float) -> None:
+        """Something stands in the way that the map does not know: plan around it for a while."""
+        angle = view.pose.heading_rad + bearing_rad
+        self._blocks.append(
+            (view.pose.x_m + 0.45 * cos(angle), view.pose.y_m + 0.45 * sin(angle), view.now_s + BLOCK_FOR_S)
+        )
+        if self.mode is Mode.STRAIGHT:
+            self._end_leg(view)
+        elif self.mode is Mode.ROUTE:
+            self._obstructed[self._target] = self._obstructed.get(self._target, 0) + 1
+            if self._obstructed[self._target] >= OBSTRUCTIONS_MAX:
+                self._exploration.give_up(*self._target)
+        self.way = []
+        self._grid_seen = -1
+
+    def step(self, view: View) -> Motion:
+        dt_s = view.now_s - self._last_s if self._last_s is not None else 0.0
+        self._last_s = view.now_s
+        self._blocks = [b for b in self._blocks if b[2] > view.now_s]
+        if view.grid_revision != self._grid_seen:
+            self._grid_seen = view.grid_revision
+            self._blocked = self._blocked_mask(view.grid)
+            self._frontier = self._exploration.frontier(view.grid) & ~self._blocked
+            self.groups = exploration.groups(view.grid, self._frontier)
+        if view.now_s < self._rest_until_s:
+            return Motion(Speed.STOP, view.pose.heading_rad)
+        motion = self._act(view)
+        if motion.speed is Speed.STOP:
+            return motion
+        self._moving_s += dt_s
+        if self._moving_s > REST_EVERY_S:
+            self._moving_s = 0.0
+            self._rest_until_s = view.now_s + REST_S
+        return motion
+
+    def _act(self, view: View) -> Motion:
+        stand = Motion(Speed.STOP, view.pose.heading_rad)
+        if self.mode in (Mode.WAITING, Mode.DONE):
+            return stand
+        if self.mode is Mode.LOOK:
+            return self._stand_and_look(view)
+        if self.mode is Mode.STRAIGHT:
+            return self._drive_straight(view)
+        if self.mode is Mode.ALIGN:
+            if abs(wrap_angle(view.pose.heading_rad)) < HEADING_REACHED_RAD:
+                self.mode = Mode.DONE
+            return Motion(Speed.STOP, 0.0)
+        if self.mode is Mode.STUCK:
+            if view.now_s >= self._retry_s:
+                self._choose(view)
+            return stand
+        return self._follow_way(view)
+
+    def _look(self, heading_rad: float, now_s: float) -> None:
+        self.mode, self.way = Mode.LOOK, []
+        self._look_rad, self._look_since_s, self._look_settled_s = heading_rad, now_s, inf
+
+    def _stand_and_look(self, view: View) -> Motion:
+        off_rad = abs(wrap_angle(self._look_rad - view.pose.heading_rad))
+        if off_rad < HEADING_REACHED_RAD and self._look_settled_s == inf:
+            self._look_settled_s = view.now_s
+        late = view.now_s - self._look_since_s > TURN_TIMEOUT_S
+        if late or view.now_s - self._look_settled_s > LOOK_S:
+            self._choose(view)
+        return Motion(Speed.STOP, self._look_rad)
+
+    def _choose(self, view: View) -> None:
+        """P3.0 with the list: straight on while that shows something new, else the nearest entry of the list."""
+        heading_rad = view.pose.heading_rad
+        reach_m = exploration.straight_reach_m(view.grid, view.pose, heading_rad, self._blocked)
+        if not (self._front_is_near(view) or self._led_nowhere(view.pose)) and exploration.something_ahead(
+            view.grid, self._frontier, view.pose, heading_rad, reach_m
+        ):
+            self.mode, self._leg_rad, self._opening_checked = Mode.STRAIGHT, heading_rad, view.pose
+            self._leg_start = view.pose
+            self._empty_lists = 0
+            return
+        self._take_from_list(view)
+
+    def _take_from_list(self, view: View, mask: Mask | None = None) -> bool:
+        wanted = self._group_mask() if mask is None else mask
+        if wanted.shape != view.grid.cells.shape:
+            return False
+        route = self._route(view, wanted) if wanted.any() else None
+        if route is not None:
+            self._empty_lists = 0
+            self.mode, self.way = Mode.ROUTE, route
+            self._target = route[-1]
+            return True
+        if mask is not None:
+            return False
+        self._empty_lists += 1
+        if self._empty_lists < LIST_PATIENCE:
+            self._look(view.pose.heading_rad, view.now_s)
+        elif self._returns_home:
+            self.go_home()
+        else:
+            self.mode = Mode.DONE
+        return False
+
+    def _group_mask(self) -> Mask:
+        mask = np.zeros_like(self._frontier)
+        for group in self.groups:
+            mask[tuple(group.cells.T)] = True
+        return mask
+
+    def _route(self, view: View, wanted: Mask, tight: bool = False) -> list[tuple[float, float]] | None:
+        start = view.grid.cell(view.pose.x_m, view.pose.y_m)
+        costs = cell_costs(view.grid, start, self._blocked_mask(view.grid), tight)
+        found = shortest_path(costs, start, lambda cell: bool(wanted[cell]))
+        return None if found is None else pull_string(view.grid, found[0])
+
+    def _blocked_mask(self, grid: GridMap) -> Mask:
+        """Cells around what stood in the way lately."""
+        if not self._blocks:
+            return np.zeros(grid.cells.shape, dtype=bool)
+        rows, columns = np.indices(grid.cells.shape)
+        x = grid.origin_x_m + (columns + 0.5) * grid.cell_m
+        y = grid.origin_y_m + (rows + 0.5) * grid.cell_m
+        mask = np.zeros(grid.cells.shape, dtype=bool)
+        for bx_m, by_m, _ in self._blocks:
+            mask |= np.hypot(x - bx_m, y - by_m) < BLOCK_RADIUS_M
+        return mask
+
+    def _front_is_near(self, view: View) -> bool:
+        return view.front_m < FRONT_STOP_M
+
+    def _drive_straight(self, view: View) -> Motion:
+        pose = view.pose
+        direction = exploration.hall_direction_rad(view.points, pose, self._leg_rad)
+        if direction is not None:
+            self._leg_rad = wrap_angle(self._leg_rad + 0.15 * wrap_angle(direction - self._leg_rad))
+        reach_m = exploration.straight_reach_m(view.grid, pose, self._leg_rad, self._blocked)
+        if (
+            self._opening_checked is None or self._opening_checked.distance_m(pose) > OPENING_PATIENCE_M
+        ) and self._frontier.shape == view.grid.cells.shape:
+            opening = exploration.opening_on_the_right(view.grid, self._frontier, pose, self._leg_rad)
+            if opening is not None:
+                self._opening_checked = pose
+                if self._take_from_list(view, opening):
+                    return Motion(Speed.STOP, pose.heading_rad)
+        if self._front_is_near(view) or not exploration.something_ahead(
+            view.grid, self._frontier, pose, self._leg_rad, reach_m
+        ):
+            self._end_leg(view)
+            return Motion(Speed.STOP, pose.heading_rad)
+        heading_rad = wrap_angle(self._leg_rad + shift_rad(view.left_m, view.right_m))
+        return Motion(Speed.MEDIUM, heading_rad)
+
+    def _end_leg(self, view: View) -> None:
+        if self._leg_start is not None and self._leg_start.distance_m(view.pose) < VAIN_LEG_M:
+            self._vain_legs.append(self._leg_start)
+        self._look(view.pose.heading_rad, view.now_s)
+
+    def _led_nowhere(self, pose: Pose2) -> bool:
+        return any(
+            leg.distance_m(pose) < VAIN_LEG_M and abs(wrap_angle(leg.heading_rad - pose.heading_rad)) < VAIN_LEG_RAD
+            for leg in self._vain_legs
+        )
+
+    def _follow_way(self, view: View) -> Motion:
+        pose = view.pose
+        stand = Motion(Speed.STOP, pose.heading_rad)
+        if not self.way and not self._plan_way(view):
+            return stand
+        if self.mode is Mode.ROUTE and not self._still_wanted(view):
+            self._look(pose.heading_rad, view.now_s)
+            return stand
+        end = self.way[-1]
+        if hypot(end[0] - pose.x_m, end[1] - pose.y_m) < ARRIVED_M:
+            self._arrive(view)
+            return stand
+        if not self._way_is_clear(view):
+            self.way = []
+            return stand
+        carrot = self._carrot(pose)
+        heading_rad = atan2(carrot[1] - pose.y_m, carrot[0] - pose.x_m)
+        return Motion(self._speed(view, heading_rad), heading_rad)
+
+    def _plan_way(self, view: View) -> bool:
+        """A way for the present mode; False where there is none (now)."""
+        if self.mode is Mode.ROUTE:
+            self._choose(view)
+            return self.mode is Mode.ROUTE and bool(self.way)
+        target = (0.0, 0.0) if self.mode is Mode.HOME else self._target
+        goal = view.grid.cell(*target)
+        wanted = np.zeros(view.grid.cells.shape, dtype=bool)
+        reach = 1 if self.mode is Mode.HOME else 4
+        wanted[max(goal[0] - reach, 0) : goal[0] + reach + 1, max(goal[1] - reach, 0) : goal[1] + reach + 1] = True
+        route = self._route(view, wanted) or self._route(view, wanted, tight=True)
+        if route is None:
+            self.mode, self._retry_s = Mode.STUCK, view.now_s + 3.0
+            self._empty_lists = 0
+            return False
+        self.way = [*route[:-1], target] if self.mode is Mode.HOME else route
+        return True
+
+    def _still_wanted(self, view: View) -> bool:
+        """Is there still frontier near the end of the way?"""
+        cells = np.argwhere(self._frontier)
+        if not len(cells) or self._frontier.shape != view.grid.cells.shape:
+            return False
+        centres = view.grid.centres(cells)
+        return bool((np.hypot(centres[:, 0] - self._target[0], centres[:, 1] - self._target[1]) < 0.5).any())
+
+    def _arrive(self, view: View) -> None:
+        self.way = []
+        if self.mode is Mode.HOME:
+            self.mode = Mode.ALIGN
+            return
+        if self.mode is Mode.GOTO:
+            self.mode = Mode.DONE
+            return
+        direction = exploration.unknown_direction_rad(view.grid, view.pose.x_m, view.pose.y_m, view.pose.heading_rad)
+        self._exploration.give_up(*self._target)
+        self._look(direction, view.now_s)
+
+    def _way_is_clear(self, view: View) -> bool:
+        a = (view.pose.x_m, view.pose.y_m)
+        blocked = [(b[0], b[1]) for b in self._blocks]
+        for b in self.way[:2]:
+            if any(_distance_to_leg(p, a, b) < BLOCK_RADIUS_M - 0.05 for p in blocked):
+                return False
+            a = b
+        ahead = self.way[0]
+        return straight_is_clear(view.grid, (view.pose.x_m, view.pose.y_m), ahead, 0.0) or length_m(self.way) < 0.3
+
+    def _carrot(self, pose: Pose2) -> tuple[float, float]:
+        """The point to steer for: some way ahead on the way; passed points are dropped."""
+        while len(self.way) > 1:
+            first, second = self.way[0], self.way[1]
+            near = hypot(first[0] - pose.x_m, first[1] - pose.y_m) < ARRIVED_M
+            passed = (second[0] - first[0]) * (pose.x_m - first[0]) + (second[1] - first[1]) * (
+                pose.y_m - first[1]
+            ) > 0.0 and hypot(first[0] - pose.x_m, first[1] - pose.y_m) < 0.4
+            if not (near or passed):
+                break
+            self.way.pop(0)
+        return self.way[0]
+
+    def _speed(self, view: View, heading_rad: float) -> Speed:
+        to_go_m = hypot(self.way[0][0] - view.pose.x_m, self.way[0][1] - view.pose.y_m)
+        if to_go_m < FAST_LENGTH_M or abs(wrap_angle(heading_rad - view.pose.heading_rad)) > radians(10.0):
+            return Speed.MEDIUM
+        ahead = (view.pose.x_m + 1.0 * cos(heading_rad), view.pose.y_m + 1.0 * sin(heading_rad))
+        wide = straight_is_clear(view.grid, (view.pose.x_m, view.pose.y_m), ahead, FAST_CLEARANCE_M)
+        return Speed.HIGH if wide else Speed.MEDIUM
+
+
+def _distance_to_leg(p: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    f = max(0.0, min(1.0, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-9)))
+    return hypot(p[0] - a[0] - f * dx, p[1] - a[1] - f * dy)
+
+

@@ -1,0 +1,196 @@
+"""The Planner as a node: pose, grid, wall points and distances in; drive commands and a view for people out."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from common.bus import Bus, alive, alive_and_valid
+from common.constants import PLANNER_RATE_HZ, POSE_RATE_HZ, SPEED_MEDIUM_M_S
+from common.errors import ErrorCode
+from common.geometry import Points, Pose2, wrap_angle
+from common.messages import (
+    CARRIER,
+    DISTANCES,
+    DRIVE,
+    GRID,
+    MAP,
+    OPERATION,
+    PERMIT,
+    PLAN,
+    POSE,
+    RANGES,
+    CarrierState,
+    DriveCommand,
+    Operation,
+    OperatorCommand,
+    PlannerView,
+    PoseEstimate,
+    Speed,
+)
+from common.status import StatusReporter
+from onboard.planner.emergency import Emergency, Phase, watch
+from onboard.planner.grid_map import GridMap
+from onboard.planner.mission import Mission, Mode, Motion, View
+
+VIEW_PERIOD_S = 0.5
+COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
+POINTS_NEAR_M = 4.0
+_NO_POINTS = np.zeros((0, 2))
+
+
+class Planner:
+    """Node "planner". Drives only after a start, with a permit and a valid pose."""
+
+    name = "planner"
+    period_s = 1.0 / PLANNER_RATE_HZ
+
+    def __init__(self) -> None:
+        self._mission = Mission()
+        self._status = StatusReporter(self.name)
+        self._emergency = Emergency()
+        self._grid: GridMap | None = None
+        self._grid_revision = -1
+        self._points: Points = _NO_POINTS
+        self._wanted = Motion(Speed.STOP, 0.0)
+        self._pose_seen_s = -math.inf
+        self._command_id = 0
+        self._commanded: DriveCommand | None = None
+        self._view_sent_s = -math.inf
+        self._paused = False
+        self._left: deque[float] = deque(maxlen=5)
+        self._right: deque[float] = deque(maxlen=5)
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        self._take_map(bus)
+        for distances in bus.take(DISTANCES):
+            self._left.append(distances.left_m)
+            self._right.append(distances.right_m)
+        pose = bus.latest(POSE)
+        for operation in bus.take(OPERATION):
+            self._operate(operation, pose)
+        error = self._trouble(bus)
+        if pose is None or error is not ErrorCode.OK:
+            self._command(bus, now_s, Motion(Speed.STOP, 0.0), pose)
+        else:
+            self._drive(bus, now_s, pose)
+            if self._emergency.phase is not Phase.CLEAR:
+                error = ErrorCode.EMERGENCY_ROUTINE
+            elif self._mission.mode is Mode.STUCK:
+                error = ErrorCode.BLOCKED
+        self._report(bus, now_s, error)
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _take_map(self, bus: Bus) -> None:
+        for update in bus.take(MAP):
+            points = update.points_m.astype(np.float64)
+            if update.start == 0:
+                self._points = points
+            elif update.start == len(self._points):
+                self._points = np.concatenate([self._points, points])
+        newest = bus.latest(GRID)
+        if newest is not None and newest.revision != self._grid_revision:
+            self._grid_revision = newest.revision
+            self._grid = GridMap.from_update(newest)
+
+    def _operate(self, command: OperatorCommand, pose: PoseEstimate | None) -> None:
+        self._paused = command.operation is Operation.PAUSE
+        if command.operation is Operation.START and pose is not None:
+            self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad))
+        elif command.operation is Operation.HOME:
+            self._mission.go_home()
+        elif command.operation is Operation.GOTO:
+            self._mission.go_to(command.x_m, command.y_m)
+
+    def _trouble(self, bus: Bus) -> ErrorCode:
+        """Why the robot must stand; OK where it need not."""
+        if not alive_and_valid(bus, POSE):
+            return ErrorCode.NO_POSE
+        if not alive(bus, RANGES) or not alive(bus, DISTANCES):
+            return ErrorCode.NO_RANGES
+        permit = bus.latest(PERMIT)
+        if permit is None or not permit.granted:
+            if permit is not None and permit.stop_sources and self._mission.mode is not Mode.WAITING:
+                # A release must never start motion by itself: somebody has to say resume
+                self._paused = True
+            return ErrorCode.NO_PERMIT
+        return ErrorCode.OK
+
+    def _drive(self, bus: Bus, now_s: float, pose: PoseEstimate) -> None:
+        ranges, distances, carrier = bus.latest(RANGES), bus.latest(DISTANCES), bus.latest(CARRIER)
+        assert ranges is not None and distances is not None
+        backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
+        if self._grid is None or self._paused or backing:
+            self._wanted = Motion(Speed.STOP, pose.heading_rad)
+        elif pose.t_s > self._pose_seen_s:
+            self._pose_seen_s = pose.t_s
+            self._wanted = self._mission.step(self._view(now_s, pose, distances.front_m))
+        speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
+        self._emergency, blocked = watch(self._emergency, now_s, self._wanted.speed, ranges.range_m, speed_m_s)
+        if blocked and self._grid is not None:
+            self._mission.blocked(self._view(now_s, pose, distances.front_m), self._emergency.bearing_rad)
+        motion = self._wanted
+        if self._emergency.phase is Phase.STOPPED:
+            motion = Motion(Speed.STOP, pose.heading_rad)
+        elif self._emergency.phase is Phase.BACKING:
+            motion = Motion(Speed.REVERSE, pose.heading_rad)
+        self._command(bus, now_s, motion, pose)
+
+    def _view(self, now_s: float, pose: PoseEstimate, front_m: float) -> View:
+        assert self._grid is not None
+        p = self._points
+        near = p[np.abs(p - np.array([pose.x_m, pose.y_m])).max(axis=1) < POINTS_NEAR_M] if len(p) else p
+        return View(
+            now_s,
+            Pose2(pose.x_m, pose.y_m, pose.heading_rad),
+            self._grid,
+            self._grid_revision,
+            near,
+            _median(self._left),
+            _median(self._right),
+            front_m,
+        )
+
+    def _command(self, bus: Bus, now_s: float, motion: Motion, pose: PoseEstimate | None) -> None:
+        """Send what is wanted when it changed, and at least at the topic's rate."""
+        yaw_rad = 0.0 if pose is None else wrap_angle(motion.heading_rad - pose.heading_rad + pose.yaw_rad)
+        last = self._commanded
+        changed = last is None or motion.speed is not last.speed
+        if pose is None or not (changed or now_s - last.t_s >= COMMAND_PERIOD_S - 1e-6):  # type: ignore[union-attr]
+            return
+        standing = motion.speed is Speed.STOP and last is not None and last.speed is Speed.STOP
+        if standing and last is not None and abs(wrap_angle(yaw_rad - last.yaw_rad)) < 0.03:
+            bus.publish(DRIVE, replace(last, t_s=now_s))
+            self._commanded = replace(last, t_s=now_s)
+            return
+        self._command_id += 1
+        self._commanded = DriveCommand(now_s, self._command_id, motion.speed, yaw_rad)
+        bus.publish(DRIVE, self._commanded)
+
+    def _report(self, bus: Bus, now_s: float, error: ErrorCode) -> None:
+        mode = self._mission.mode
+        state = "PAUSED" if self._paused else mode.name
+        self._status.report(
+            bus, now_s, state=state, error=error, ready=error not in (ErrorCode.NO_POSE, ErrorCode.NO_RANGES)
+        )
+        if now_s - self._view_sent_s < VIEW_PERIOD_S:
+            return
+        self._view_sent_s = now_s
+        way = np.array(self._mission.way, dtype=np.float32).reshape(-1, 2)
+        area_m2 = self._grid.area_m2 if self._grid is not None else 0.0
+        bus.publish(
+            PLAN,
+            PlannerView(
+                now_s, mode.name, mode.value, way, len(self._mission.groups), area_m2, self._mission.finished
+            ),
+        )
+
+
+def _median(values: deque[float]) -> float:
+    heard = sorted(v for v in values if v == v)
+    return heard[len(heard) // 2] if len(heard) > len(values) // 2 else math.nan

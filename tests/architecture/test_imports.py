@@ -1,0 +1,69 @@
+"""Who may import what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.architecture.project import Module, modules
+
+MODULES = modules()
+
+
+def inside(*folders: str) -> Callable[[str], bool]:
+    """Is a path inside one of these folders, or one of these files?"""
+    return lambda path: any(path == folder or path.startswith(f"{folder}/") for folder in folders)
+
+
+def imported(module: Module, *packages: str) -> list[str]:
+    """Where a module imports one of the packages."""
+    return [
+        f"{module.path}:{line} imports {name}"
+        for name, line in module.imports()
+        if any(name == package or name.startswith(f"{package}.") for package in packages)
+    ]
+
+
+def offences(who: Callable[[str], bool], *packages: str) -> list[str]:
+    return [offence for module in MODULES if who(module.path) for offence in imported(module, *packages)]
+
+
+def not_in(*folders: str) -> Callable[[str], bool]:
+    allowed = inside(*folders)
+    return lambda path: not allowed(path)
+
+
+def test_common_imports_neither_side() -> None:
+    assert offences(inside("common"), "onboard", "offboard", "deploy", "tests") == []
+
+
+def test_onboard_never_imports_offboard() -> None:
+    assert offences(inside("onboard"), "offboard", "deploy", "tests") == []
+
+
+def test_no_production_module_imports_the_simulator() -> None:
+    assert offences(not_in("offboard/simulator", "deploy"), "offboard.simulator") == []
+
+
+def test_no_program_imports_tests() -> None:
+    assert offences(lambda _: True, "tests") == []
+
+
+@pytest.mark.parametrize(
+    ("package", "homes"),
+    [
+        ("zenoh", ("common/bus.py", "common/zenoh_bus.py", "common/process.py")),
+        ("cv2", ("offboard", "onboard/poi")),
+        ("serial", ("onboard/bridge",)),
+        ("mujoco", ("offboard/simulator",)),
+        ("filterpy", ("onboard/mmu",)),
+        ("scipy", ("onboard/mmu", "offboard")),
+    ],
+)
+def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ...]) -> None:
+    assert offences(not_in(*homes), package) == []
+
+
+def test_imports_are_absolute() -> None:
+    assert [f"{module.path}:{line}" for module in MODULES for line in module.relative_imports()] == []

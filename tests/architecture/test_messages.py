@@ -1,0 +1,63 @@
+"""The message table says what the specification asks for, and the README says what the table does."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import get_type_hints
+
+import pytest
+
+from common.errors import ERRORS, ErrorCode
+from common.messages import INTERNAL_FLOWS, MODULES, STATUS, TOPICS, topic_table
+from tests.architecture.project import ROOT
+
+FLOWS = {
+    f"lfc_{name}"
+    for name in (
+        *("poi_cm", "mmu_poi", "poi_pln", "pln_car", "mmu_pln", "mmu_cm"),
+        *("sim_pln", "sim_mmu", "sim_car", "cm_vsl", "vsl_cc", "cm_cc"),
+    )
+}
+
+
+def test_all_flows_of_the_specification_are_there_and_no_other() -> None:
+    on_the_bus = {flow for topic in TOPICS for flow in topic.flows}
+    assert on_the_bus | set(INTERNAL_FLOWS) == FLOWS
+
+
+def test_every_key_is_a_module_and_a_variable() -> None:
+    keys = [topic.key for topic in TOPICS]
+    assert len(set(keys)) == len(keys)
+    assert all(key.count("/") == 1 for key in keys)
+
+
+def test_every_payload_says_when_and_whether_it_is_valid() -> None:
+    for payload in {topic.payload for topic in TOPICS}:
+        fields = {field.name: field for field in dataclasses.fields(payload)}  # type: ignore[arg-type]
+        assert get_type_hints(payload)["t_s"] is float, payload
+        assert fields["valid"].default is True, payload
+
+
+@pytest.mark.requirement("CC_MR_03")
+def test_every_module_reports_its_status_ten_times_a_second() -> None:
+    assert set(MODULES.values()) <= set(STATUS)
+    for topic in STATUS.values():
+        assert topic.rate_hz == 10.0
+        assert "command_center" in topic.consumers
+        assert {"state", "error_code", "memory_kb"} <= set(get_type_hints(topic.payload))
+
+
+def test_every_error_code_has_a_meaning_and_an_action() -> None:
+    assert set(ERRORS) == set(ErrorCode)
+    assert all(info.meaning and info.action for info in ERRORS.values())
+
+
+def test_readme_shows_the_topic_table_as_it_is() -> None:
+    readme = ROOT / "README.md"
+    if not readme.exists():
+        pytest.skip("README.md is not there yet")
+    _, begin, rest = readme.read_text(encoding="utf-8").partition("<!-- topics -->")
+    table, end, _ = rest.partition("<!-- /topics -->")
+    assert begin, "README.md has no <!-- topics -->"
+    assert end, "README.md has no <!-- /topics -->"
+    assert table.strip() == topic_table()

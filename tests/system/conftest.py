@@ -1,0 +1,134 @@
+"""Real processes on loopback, each with a port of its own; whatever a test leaves running is killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.clock import FreeClock
+from common.config import BridgeSection, Config, MeshSection, config_text
+from common.messages import ODOMETRY, PERMIT, Permit
+from common.zenoh_bus import ZenohBus
+
+ROOT = Path(__file__).resolve().parents[2]
+STAND_IN = Path(__file__).with_name("stand_in.py")
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def until(condition: Callable[[], object], deadline_s: float = 10.0, what: str = "the condition") -> None:
+    end_s = time.monotonic() + deadline_s
+    while not condition():
+        assert time.monotonic() < end_s, f"{what} did not come true within {deadline_s} s"
+        time.sleep(0.005)
+
+
+def environment() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(ROOT)}
+
+
+class Mesh:
+    """Processes by name, and a bus that watches them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.config = Config(
+            mesh=MeshSection(router=free_endpoint()), bridge=BridgeSection(serial_port=str(folder / "serial"))
+        )
+        self.config_file = folder / "robot.toml"
+        self.config_file.write_text(config_text(self.config), encoding="utf-8")
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.permits: list[tuple[float, Permit]] = []  # monotonic time of arrival
+        self._bus: ZenohBus | None = None
+
+    @property
+    def bus(self) -> ZenohBus:
+        if self._bus is None:
+            self._bus = ZenohBus("watcher", self.config, FreeClock())
+            self._bus.listen(PERMIT, lambda permit: self.permits.append((time.monotonic(), permit)))
+            self._bus.latest(ODOMETRY)
+        return self._bus
+
+    def start(self, name: str, *command: str, extra: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
+        """A process of the mesh; without a command, its stand-in (comm: itself)."""
+        program = command or (("-m", "onboard.comm") if name == "comm" else (str(STAND_IN), name))
+        arguments = [sys.executable, *program, "--config", str(self.config_file), "--log-dir", str(self.folder), *extra]
+        process = subprocess.Popen(
+            arguments, env=environment(), cwd=ROOT, start_new_session=True, stderr=subprocess.PIPE
+        )
+        self.processes[name] = process
+        return process
+
+    def start_all(self) -> None:
+        """comm and stand-ins for the rest, until the permit is there."""
+        for name in ("comm", "bridge", "mmu", "planner"):
+            self.start(name)
+        _ = self.bus
+        until(lambda: self.granted, 20.0, "a permit")
+
+    @property
+    def granted(self) -> bool:
+        return bool(self.permits) and self.permits[-1][1].granted
+
+    @property
+    def standing(self) -> bool:
+        odometry = self.bus.latest(ODOMETRY)
+        return odometry is not None and odometry.standing
+
+    def revoked_after(self, since_s: float) -> float:
+        """Waits for the first permit that is none; returns how long after `since_s` it came."""
+        until(lambda: any(t > since_s and not p.granted for t, p in self.permits), what="the end of the permit")
+        return next(t for t, p in self.permits if t > since_s and not p.granted) - since_s
+
+    def signal(self, name: str, number: signal.Signals) -> float:
+        """Sends a signal; returns when."""
+        now_s = time.monotonic()
+        os.kill(self.processes[name].pid, number)
+        return now_s
+
+    def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """`indoor-mapping` with the mesh's configuration."""
+        return run_cli(*arguments, "--config", str(self.config_file))
+
+    def close(self) -> None:
+        for process in self.processes.values():
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            if process.stderr is not None:
+                process.stderr.close()
+        if self._bus is not None:
+            self._bus.close()
+
+
+def run_cli(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "deploy.cli", *arguments],
+        env=environment(),
+        cwd=options.pop("cwd", ROOT),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        **options,
+    )
+
+
+@pytest.fixture
+def mesh(tmp_path: Path) -> Iterator[Mesh]:
+    made = Mesh(tmp_path)
+    yield made
+    made.close()

@@ -1,0 +1,78 @@
+"""A process that stands in for a module: `python stand_in.py NAME --config robot.toml`.
+
+Every one is ready at once. "planner" drives from a start on and stands from a latched stop until a resume; "bridge"
+moves while it holds a fresh permit and is asked to drive; "simulator" leads the shared clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from common.bus import Bus
+from common.config import Config
+from common.constants import PERMIT_TIMEOUT_S
+from common.messages import (
+    DRIVE,
+    ODOMETRY,
+    OPERATION,
+    PERMIT,
+    STATUS,
+    DriveCommand,
+    Odometry,
+    Operation,
+    Speed,
+)
+from common.process import argument_parser, run
+from common.status import StatusReporter
+
+
+class StandIn:
+    period_s = 0.02
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._status = StatusReporter(name) if name in STATUS else None
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        if self._status is not None:
+            self._status.report(bus, now_s, state="RUN", ready=True)
+
+    def close(self) -> None:
+        pass
+
+
+class StandInPlanner(StandIn):
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._drives = False
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        super().step(bus, now_s)
+        for command in bus.take(OPERATION):
+            self._drives = command.operation in (Operation.START, Operation.RESUME)
+        permit = bus.latest(PERMIT)
+        if permit is not None and permit.stop_sources:
+            self._drives = False
+        bus.publish(DRIVE, DriveCommand(now_s, 1, Speed.MEDIUM if self._drives else Speed.STOP, 0.0))
+
+
+class StandInBridge(StandIn):
+    def step(self, bus: Bus, now_s: float) -> None:
+        super().step(bus, now_s)
+        permit, drive = bus.latest(PERMIT), bus.latest(DRIVE)
+        permitted = permit is not None and permit.granted and bus.age_s(PERMIT) <= PERMIT_TIMEOUT_S
+        moves = permitted and drive is not None and drive.speed is not Speed.STOP
+        speed_m_s = 0.16 if moves else 0.0
+        bus.publish(ODOMETRY, Odometry(now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, speed_m_s, not moves, False, False, 1))
+
+
+def make(_: Config, arguments: argparse.Namespace) -> StandIn:
+    kinds = {"planner": StandInPlanner, "bridge": StandInBridge}
+    return kinds.get(arguments.name, StandIn)(arguments.name)
+
+
+if __name__ == "__main__":
+    parser = argument_parser("stand_in")
+    parser.add_argument("name")
+    sys.exit(run(sys.argv[1], make, parser=parser, leads_clock=sys.argv[1] == "simulator"))

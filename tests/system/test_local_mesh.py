@@ -1,0 +1,85 @@
+"""`indoor-mapping local`: the whole mesh with the simulator, started, disturbed and ended from outside."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.system.conftest import ROOT, environment, run_cli, until
+from tests.system.test_processes import running
+
+pytestmark = pytest.mark.timeout(90)
+
+
+def children_of(run_dir: Path) -> dict[str, int]:
+    """The processes of a run by the name of their module, found by the run folder in their arguments."""
+    found: dict[str, int] = {}
+    for folder in Path("/proc").iterdir():
+        try:
+            arguments = (folder / "cmdline").read_bytes().decode().split("\0") if folder.name.isdigit() else []
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if str(run_dir / "process" / "robot.toml") in arguments and "-m" in arguments and running(int(folder.name)):
+            found[arguments[arguments.index("-m") + 1].split(".")[1]] = int(folder.name)
+    return found
+
+
+@pytest.fixture
+def local(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A headless run whose mission has started; `tmp_path / "run"` is its folder."""
+    arguments = ["local", "--floor", "straight", "--headless", "--out", str(tmp_path / "run")]
+    with subprocess.Popen(
+        [sys.executable, "-m", "deploy.cli", *arguments],
+        env=environment(),
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        heard = []
+        for line in process.stdout:
+            heard.append(line)
+            if "mission has started" in line:
+                break
+        else:
+            pytest.fail("the mission did not start: " + "".join(heard))
+        yield process
+        process.kill()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_is_left_when_local_ends(
+    local: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
+) -> None:
+    children = children_of(tmp_path / "run")
+    assert set(children) >= {"simulator", "comm", "bridge", "mmu", "planner", "recorder"}
+    # A frozen one must not stay either
+    os.kill(children["mmu"], signal.SIGSTOP)
+    local.send_signal(number)
+    code = local.wait(45.0)
+    assert code == (130 if number != signal.SIGKILL else -signal.SIGKILL)
+    until(lambda: not children_of(tmp_path / "run"), 5.0, "the end of every process")
+
+
+def test_a_killed_process_is_started_again_and_the_run_goes_on(local: subprocess.Popen[str], tmp_path: Path) -> None:
+    killed = children_of(tmp_path / "run")["planner"]
+    os.kill(killed, signal.SIGKILL)
+    until(lambda: children_of(tmp_path / "run").get("planner", killed) != killed, 10.0, "the restart")
+    log = tmp_path / "run" / "process" / "comm.log"
+    until(lambda: log.read_text(encoding="utf-8").count("permit granted=True") >= 2, 20.0, "the second permit")
+    assert local.poll() is None
+
+
+def test_a_folder_with_a_run_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "trajectory.tum").touch()
+    result = run_cli("local", "--floor", "straight", "--headless", "--out", str(tmp_path))
+    assert result.returncode == 2
+    assert "holds a run already" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["trajectory.tum"]

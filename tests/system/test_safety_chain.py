@@ -1,0 +1,90 @@
+"""comm as a real process among stand-ins, on the free-running clock: absence means stop, and soon."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import pytest
+
+from common.messages import OPERATION, Operation, OperatorCommand
+from tests.system.conftest import Mesh, until
+
+pytestmark = pytest.mark.timeout(60)
+REVOKED_WITHIN_S = 0.25
+
+
+def drive(mesh: Mesh, operation: Operation = Operation.START) -> None:
+    def moving() -> bool:
+        mesh.bus.publish(OPERATION, OperatorCommand(0.0, operation))
+        return not mesh.standing
+
+    until(moving, what="motion")
+
+
+@pytest.mark.requirement("CM_MR_02")
+@pytest.mark.parametrize("victim", ["mmu", "planner", "bridge"])
+def test_permit_ends_within_250_ms_when_a_module_is_killed_and_comes_back_with_it(mesh: Mesh, victim: str) -> None:
+    mesh.start_all()
+    killed_s = mesh.signal(victim, signal.SIGKILL)
+    assert mesh.revoked_after(killed_s) <= REVOKED_WITHIN_S
+    mesh.processes[victim].wait()
+    mesh.start(victim)
+    until(lambda: mesh.granted, what="the permit after the restart")
+
+
+@pytest.mark.requirement("CM_MR_02")
+def test_permit_ends_within_250_ms_when_a_module_freezes(mesh: Mesh) -> None:
+    mesh.start_all()
+    for _ in range(2):
+        frozen_s = mesh.signal("mmu", signal.SIGSTOP)
+        assert mesh.revoked_after(frozen_s) <= REVOKED_WITHIN_S
+        mesh.signal("mmu", signal.SIGCONT)
+        until(lambda: mesh.granted, what="the permit after the thaw")
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_robot_stands_when_comm_dies_or_freezes_and_its_neighbours_stay_joined(
+    mesh: Mesh, number: signal.Signals
+) -> None:
+    mesh.start_all()
+    drive(mesh)
+    hit_s = mesh.signal("comm", number)
+    until(lambda: mesh.standing, 2.0, "standing")
+    # The permit's age limit, the stand-in's period and the way to this process
+    assert time.monotonic() - hit_s <= 0.35
+    until(lambda: "comm" not in mesh.bus.alive_tokens(), 2.0)
+    assert {"bridge", "mmu", "planner"} <= mesh.bus.alive_tokens()
+    assert mesh.standing
+
+
+@pytest.mark.requirement("CC_MR_04")
+def test_stop_latches_and_release_alone_starts_no_motion(mesh: Mesh) -> None:
+    mesh.start_all()
+    drive(mesh)
+    stop = mesh.command("estop")
+    assert stop.returncode == 0, stop.stderr
+    assert mesh.standing
+    assert mesh.permits[-1][1].stop_sources == ("operator",)
+    mesh.bus.publish(OPERATION, OperatorCommand(0.0, Operation.RESUME))
+    release = mesh.command("release")
+    assert release.returncode == 0, release.stderr
+    until(lambda: mesh.granted, what="the permit after the release")
+    count = len(mesh.permits)
+    until(lambda: len(mesh.permits) > count + 10, what="a second of permits")
+    assert mesh.standing
+    assert mesh.command("resume").returncode == 0
+    until(lambda: not mesh.standing, what="motion after resume")
+
+
+def test_stop_outlives_a_restart_of_comm(mesh: Mesh) -> None:
+    mesh.start_all()
+    assert mesh.command("estop").returncode == 0
+    mesh.signal("comm", signal.SIGKILL)
+    mesh.processes["comm"].wait()
+    mesh.permits.clear()
+    mesh.start("comm")
+    until(
+        lambda: mesh.permits and mesh.permits[-1][1].stop_sources == ("operator",), what="the latch after the restart"
+    )
+    assert not mesh.granted

@@ -1,0 +1,107 @@
+"""The simulated serial line: pace, bit errors, stalls, and the pseudo-terminal of a real process."""
+
+from __future__ import annotations
+
+import os
+import select
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import serial
+
+from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
+from offboard.simulator.pty_port import PtyPort
+from offboard.simulator.serial_line import HostPort, SerialLine
+from tests.unit.test_simulator_world import RecordingBoard
+
+
+class TalkingBoard(RecordingBoard):
+    def __init__(self) -> None:
+        super().__init__()
+        self.heard = bytearray()
+        self.says = b""
+
+    def serial_write(self, data: bytes) -> None:
+        self.heard += data
+
+    def serial_read(self) -> bytes:
+        data, self.says = self.says, b""
+        return data
+
+
+def line_with(profile: ErrorProfile = PROFILES["none"]) -> tuple[SerialLine, TalkingBoard]:
+    return SerialLine(profile, random_stream(1, "serial")), TalkingBoard()
+
+
+def test_bytes_travel_both_ways_at_115200_baud() -> None:
+    line, board = line_with()
+    port = HostPort(line)
+    message = bytes(range(256)) * 9
+    port.write(message)
+    board.says = message
+    received = b""
+    for step in range(1, 41):
+        line.exchange(board, step * 0.005)
+        received += port.read()
+        assert len(received) <= step * 57.6
+    assert received == message
+    assert bytes(board.heard) == message
+    assert port.read() == b""
+
+
+def test_bit_errors_come_as_often_as_declared() -> None:
+    line, board = line_with(replace(PROFILES["none"], serial_bit_error_rate=1e-3))
+    message = bytes(100_000)
+    line.send(message)
+    for step in range(1800):
+        line.exchange(board, step * 0.005)
+    assert len(board.heard) == len(message)
+    flipped = sum(byte.bit_count() for byte in board.heard)
+    assert flipped == pytest.approx(800, rel=0.15)
+
+
+def test_a_stall_holds_bytes_back_and_loses_none() -> None:
+    line, board = line_with(replace(PROFILES["none"], serial_stall_s=0.2, serial_stall_spacing_s=1.0))
+    longest, waiting = 0, 0
+    for step in range(1, 4000):
+        line.send(b"x")
+        line.exchange(board, step * 0.005)
+        waiting = step - len(board.heard)
+        longest = max(longest, waiting)
+    assert 38 <= longest <= 200
+    for step in range(4000, 4100):
+        line.exchange(board, step * 0.005)
+    assert len(board.heard) == 3999
+
+
+def test_a_process_talks_to_the_board_through_the_pty(tmp_path: Path) -> None:
+    line, board = line_with()
+    link = tmp_path / "mega"
+    port = PtyPort(line, link)
+    try:
+        # What the wire must not touch: control characters, newlines, bytes above 127
+        message = bytes(range(256))
+        with serial.Serial(str(link), 115200, timeout=0) as far_end:
+            far_end.write(message)
+            board.says = message
+            select.select([port._master], [], [], 5.0)
+            received = b""
+            for step in range(1, 20):
+                port.exchange(board, step * 0.005)
+                received += far_end.read(4096)
+        assert bytes(board.heard) == message
+        assert received == message
+        # A bridge may go and another come; meanwhile bytes are lost, as on a wire
+        board.says = bytes(20_000)
+        for step in range(20, 500):
+            port.exchange(board, step * 0.005)
+        with serial.Serial(str(link), 115200, timeout=0) as far_end:
+            far_end.write(b"again")
+            select.select([port._master], [], [], 5.0)
+            for step in range(500, 510):
+                port.exchange(board, step * 0.005)
+        assert bytes(board.heard).endswith(b"again")
+    finally:
+        port.close()
+    assert not os.path.lexists(link)

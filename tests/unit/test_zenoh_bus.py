@@ -1,0 +1,248 @@
+"""ZenohBus on loopback: the same answers as LocalBus, and what only sessions can do wrong."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from typing import Literal
+
+import numpy as np
+import pytest
+import zenoh
+
+from common.clock import FreeClock
+from common.config import Config, MeshSection
+from common.errors import StartError
+from common.messages import GRID, MAP, PERMIT, POSE, STATUS, STOP, GridUpdate, MapUpdate, Permit, Status, StopRequest
+from common.zenoh_bus import ZenohBus, session_config
+
+pytestmark = pytest.mark.timeout(30)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def until(condition: Callable[[], bool], deadline_s: float = 5.0) -> None:
+    end_s = time.monotonic() + deadline_s
+    while not condition():
+        assert time.monotonic() < end_s, "the condition did not come true in time"
+        time.sleep(0.005)
+
+
+Open = Callable[..., ZenohBus]
+
+
+@pytest.fixture
+def config() -> Config:
+    return Config(mesh=MeshSection(router=f"tcp/127.0.0.1:{free_port()}"))
+
+
+@pytest.fixture
+def open_bus(config: Config) -> Iterator[Open]:
+    buses: list[ZenohBus] = []
+
+    def make(name: str, mode: Literal["peer", "client", "router"] = "peer") -> ZenohBus:
+        buses.append(ZenohBus(name, config, FreeClock(), mode))
+        return buses[-1]
+
+    yield make
+    for bus in buses:
+        bus.close()
+
+
+def status(beats: int) -> Status:
+    return Status(0.0, "RUN", 0, 1, True, beats)
+
+
+def wall(start: int, count: int, revision: int = 1) -> MapUpdate:
+    points = np.arange(start, start + count, dtype=np.float32).repeat(2).reshape(-1, 2)
+    return MapUpdate(0.0, revision, start, points, np.zeros(count, dtype=np.uint8))
+
+
+def grid(revision: int) -> GridUpdate:
+    return GridUpdate(0.0, revision, 0.0, 0.0, 0.05, 1, 1, b"x")
+
+
+def test_newest_message_arrives_with_its_age(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("planner")
+    assert receiver.latest(STATUS["mmu"]) is None
+    assert receiver.age_s(STATUS["mmu"]) == float("inf")
+
+    def arrived() -> bool:
+        sender.publish(STATUS["mmu"], status(7))
+        return receiver.latest(STATUS["mmu"]) == status(7)
+
+    until(arrived)
+    assert receiver.age_s(STATUS["mmu"]) < 0.5
+
+
+def test_take_gives_everything_once_and_in_order(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("planner")
+    receiver.take(STATUS["mmu"])
+
+    def linked() -> bool:
+        sender.publish(STATUS["mmu"], status(0))
+        return receiver.latest(STATUS["mmu"]) is not None
+
+    until(linked)
+    for beats in range(1, 101):
+        sender.publish(STATUS["mmu"], status(beats))
+    got: list[int] = []
+
+    def all_there() -> bool:
+        got.extend(s.beats for s in receiver.take(STATUS["mmu"]))
+        return bool(got) and got[-1] == 100
+
+    until(all_there)
+    assert [b for b in got if b] == list(range(1, 101))
+    assert receiver.take(STATUS["mmu"]) == []
+
+
+def test_late_joiner_gets_the_newest_state_and_the_whole_map(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    sender = open_bus("mmu")
+    for update in (wall(0, 5), wall(0, 3, revision=2), wall(3, 2, revision=2), wall(5, 1, revision=2)):
+        sender.publish(MAP, update)
+    for revision in (1, 2):
+        sender.publish(GRID, grid(revision))
+    late = open_bus("recorder")
+    late.take(MAP)
+    updates: list[MapUpdate] = []
+
+    def whole() -> bool:
+        updates.extend(late.take(MAP))
+        return len(updates) >= 3
+
+    until(whole)
+    assert [(u.revision, u.start) for u in updates] == [(2, 0), (2, 3), (2, 5)]
+    until(lambda: late.latest(GRID) == grid(2))
+
+
+def test_missed_increments_are_asked_for(open_bus: Open, config: Config) -> None:
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("recorder")
+    starts: list[int] = []
+    receiver.take(MAP)
+
+    def got(start: int) -> bool:
+        starts.extend(u.start for u in receiver.take(MAP))
+        return start in starts
+
+    sender.publish(MAP, wall(0, 1))
+    until(lambda: got(0))
+    # The receiver's subscription is away for a while, as in a cut link that comes back
+    inbox = receiver._inboxes[MAP.key]
+    inbox.subscriber.undeclare()
+    sender.publish(MAP, wall(1, 1))
+    receiver._inboxes.clear()
+    again = receiver._subscribe(MAP)
+    again.queue, again.sequences, again.query_due = inbox.queue, inbox.sequences, False
+
+    def live() -> bool:
+        return got(3)
+
+    sender.publish(MAP, wall(2, 1))
+    time_out = time.monotonic() + 5
+    start = 3
+    while not live():
+        assert time.monotonic() < time_out
+        sender.publish(MAP, wall(start, 1))
+        start += 1
+        time.sleep(0.02)
+    assert sorted(set(starts)) == list(range(max(starts) + 1))
+    assert starts == sorted(starts)
+
+
+def test_token_goes_when_a_process_leaves(open_bus: Open) -> None:
+    comm, mmu = open_bus("comm", "router"), open_bus("mmu")
+    until(lambda: {"comm", "mmu"} <= comm.alive_tokens())
+    mmu.close()
+    until(lambda: "mmu" not in comm.alive_tokens())
+
+
+def test_stop_has_a_connection_of_its_own_and_arrives(open_bus: Open) -> None:
+    comm, bridge, centre = open_bus("comm", "router"), open_bus("bridge"), open_bus("command_center")
+    assert bridge._stop_session is not bridge._session
+    request = StopRequest(0.0, "operator", latched=True)
+
+    def both() -> bool:
+        centre.publish(STOP, request)
+        return comm.latest(STOP) == request and bridge.latest(STOP) == request
+
+    until(both)
+
+
+def test_peers_keep_each_other_when_the_router_goes(open_bus: Open) -> None:
+    comm, mmu, planner = open_bus("comm", "router"), open_bus("mmu"), open_bus("planner")
+
+    def heard(beats: int) -> Callable[[], bool]:
+        def condition() -> bool:
+            mmu.publish(STATUS["mmu"], status(beats))
+            newest = planner.latest(STATUS["mmu"])
+            return newest is not None and newest.beats == beats
+
+        return condition
+
+    until(heard(1))
+    until(lambda: "planner" in mmu.alive_tokens())
+    comm.close()
+    until(heard(2), 1.0)
+    assert "planner" in mmu.alive_tokens()
+
+
+def test_a_peer_needs_no_router_to_begin_and_finds_it_later(open_bus: Open) -> None:
+    mmu = open_bus("mmu")
+    comm = open_bus("comm", "router")
+    until(lambda: "mmu" in comm.alive_tokens())
+    until(lambda: "comm" in mmu.alive_tokens())
+
+
+def test_a_client_reaches_the_peers_through_the_router(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    bridge, operator = open_bus("bridge"), open_bus("command_center", "client")
+    request = StopRequest(0.0, "operator", latched=True)
+
+    def arrived() -> bool:
+        operator.publish(STOP, request)
+        return bridge.latest(STOP) == request
+
+    until(arrived)
+
+    def permit_heard() -> bool:
+        bridge.publish(PERMIT, Permit(0.0, True, ""))
+        return operator.latest(PERMIT) is not None
+
+    until(permit_heard)
+
+
+def test_a_client_without_a_mesh_says_so(open_bus: Open) -> None:
+    with pytest.raises(StartError, match="No mesh answers at tcp/127"):
+        open_bus("command_center", "client")
+
+
+def test_a_taken_port_is_named(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    with pytest.raises(StartError, match="Cannot listen on tcp/127"):
+        open_bus("comm", "router")
+
+
+def test_bytes_that_are_no_message_are_counted_and_do_not_look_fresh(open_bus: Open, config: Config) -> None:
+    open_bus("comm", "router")
+    planner = open_bus("planner")
+    planner.latest(POSE)
+    with zenoh.open(session_config("client", config.mesh.router)) as stranger:
+
+        def counted() -> bool:
+            stranger.put(f"{config.robot.name}/{POSE.key}", b"\xc1 no message")
+            planner.latest(POSE)
+            return planner.decode_errors.get(POSE.key, 0) > 0
+
+        until(counted)
+    assert planner.age_s(POSE) == float("inf")
