@@ -15,6 +15,7 @@ from common.constants import (
     SONAR_FRONT,
     SONAR_FRONT_LEFT,
     SONAR_FRONT_RIGHT,
+    SPEED_MEDIUM_M_S,
 )
 from common.messages import Speed
 
@@ -59,7 +60,7 @@ def watch(
 ) -> tuple[Emergency, bool]:
     """Next state, and whether the obstacle has just become one to plan around."""
     distance_m, bearing_rad = nearest_ahead(ranges_m)
-    limit_m = PLANNER_CLEARANCE_M + stopping_m(speed_m_s)
+    limit_m = PLANNER_CLEARANCE_M + stopping_m(max(speed_m_s, SPEED_MEDIUM_M_S))
     near = distance_m < limit_m
     if state.phase is Phase.CLEAR:
         if near and wanted in (Speed.MEDIUM, Speed.HIGH):

@@ -35,11 +35,15 @@ bool Carrier::drive(const Drv& command) {
     aborted_id_ = command.command_id;
     return false;
   }
+  // A correction while it turns must not keep the turn from ending
+  const int32_t change_cdeg = magnitude(wrap_cdeg(command.yaw_cdeg - command_.yaw_cdeg));
+  if (change_cdeg > 2 * config::kTurnDone_cdeg) {
+    settled_ms_ = 0;
+    turning_ms_ = 0;
+  }
   command_ = command;
   error_ = kOk;
   hard_ = false;
-  settled_ms_ = 0;
-  turning_ms_ = 0;
   if (mode_ == kIdle) mode_ = kDrive;
   return true;
 }
