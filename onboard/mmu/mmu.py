@@ -125,4 +125,3 @@ class MappingUnit:
                 zlib.compress(cells.tobytes(), 1),
             ),
         )
-

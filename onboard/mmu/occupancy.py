@@ -101,5 +101,3 @@ class OccupancyGrid:
         pad = ((before[1], after[1]), (before[0], after[0]))
         self._hits, self._passes = np.pad(self._hits, pad), np.pad(self._passes, pad)
         self._origin = self._origin - before * CELL_M
-
-

@@ -85,5 +85,3 @@ class OdometryFilter:
             Hx=lambda state: np.array([[state[2, 0] + state[3, 0]]]),
             R=np.array([[GYRO_SD_RAD**2]]),
         )
-
-

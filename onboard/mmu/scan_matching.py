@@ -1,7 +1,7 @@
 """Where do these echoes fit onto those? Registration of one set of wall points with normals onto another.
 
-1. Coarse: correlative search (Olson 2009) of the moving points over a smeared grid of the fixed ones, every heading and
-   offset of the search window; keeps the best and how good its best rival is.
+1. Coarse: correlative search (Olson 2009) of the moving points over a smeared grid of the fixed ones, every heading
+   and offset of the search window; keeps the best and how good its best rival is.
 2. Fine: point-to-line least squares with normals (Chen and Medioni 1992), robust weights, nearest neighbours by KD-tree.
 
 The information matrix is that of the point-to-line problem: along a bare hall it stays near zero by itself.
@@ -122,7 +122,7 @@ def _correlate(points: Points, fixed: Points, search_m: float, search_rad: float
         cell = np.clip(((moved - low) / CELL_M + 0.5).astype(int), reach, shape - 1 - reach)
         index = cell[:, 0] * shape[1] + cell[:, 1]
         scores[k] = field.ravel()[index[:, None] + flat[None, :]].mean(axis=0) * prior
-    k, j = np.unravel_index(int(scores.argmax()), scores.shape)
+    k, j = (int(i) for i in np.unravel_index(int(scores.argmax()), scores.shape))
     dx, dy = offsets[j // len(offsets)], offsets[j % len(offsets)]
     far = (np.hypot(offsets[:, None] - dx, offsets[None, :] - dy) * CELL_M > 0.6).ravel()
     rival = float(scores[:, far].max() / max(scores[k, j], 1e-9)) if far.any() else 0.0

@@ -335,7 +335,6 @@ class Slam:
         self._graph.edges.append(Edge(node, mine, reference.between(corrected), information, closure=True))
 
 
-
 def limited(information: FloatArray) -> FloatArray:
     """No match is trusted further than the sonars' own systematic errors, in no direction."""
     values, vectors = np.linalg.eigh(information[:2, :2])

@@ -1,10 +1,10 @@
 """Surroundings: what the ranges say about walls, apart from how the sonars are wired.
 
-A sonar hears a wall from its perpendicular foot anywhere in a beam 60 degrees wide, so a single range does not say where
-the wall is. A moving sonar knows: for a plane as for a point, the range changes along the way by minus the cosine of the
-direction to the echo. A straight-line fit of range over distance travelled gives that direction to about a degree, and
-what does not fit (cross-talk, early echoes, a wall's end) gives itself away. (Regions of constant depth: Leonard and
-Durrant-Whyte 1992; synthetic aperture in one dimension.)
+A sonar hears a wall from its perpendicular foot anywhere in a beam 60 degrees wide, so a single range does not say
+where the wall is. A moving sonar knows: for a plane as for a point, the range changes along the way by minus the cosine
+of the direction to the echo. A straight-line fit of range over distance travelled gives that direction to about a
+degree, and what does not fit (cross-talk, early echoes, a wall's end) gives itself away. (Regions of constant depth:
+Leonard and Durrant-Whyte 1992; synthetic aperture in one dimension.)
 """
 
 from __future__ import annotations
@@ -219,9 +219,5 @@ def pose_at(poses: list[tuple[float, Pose2]], t_s: float) -> Pose2:
         if t_s >= ta:
             f = (t_s - ta) / max(tb - ta, 1e-9)
             turn = wrap_angle(b.heading_rad - a.heading_rad)
-            return Pose2(
-                a.x_m + f * (b.x_m - a.x_m), a.y_m + f * (b.y_m - a.y_m), wrap_angle(a.heading_rad + f * turn)
-            )
+            return Pose2(a.x_m + f * (b.x_m - a.x_m), a.y_m + f * (b.y_m - a.y_m), wrap_angle(a.heading_rad + f * turn))
     return poses[0][1]
-
-

@@ -39,7 +39,7 @@ class WallPiece:
 
 
 def fit_piece(points: Points, normals_rad: FloatArray) -> tuple[FloatArray, float, float] | None:
-    """Middle (2,), normal (radians) and length of the line through most of `points` (N, 2), or None if there is none."""
+    """Middle (2,), normal (radians) and length of the line through most of `points` (N, 2), or None."""
     if len(points) < PIECE_POINTS_MIN:
         return None
     mean = atan2(float(np.sin(normals_rad).mean()), float(np.cos(normals_rad).mean()))
@@ -64,7 +64,12 @@ def fit_piece(points: Points, normals_rad: FloatArray) -> tuple[FloatArray, floa
 
 
 def continuation(
-    middle: FloatArray, normal_rad: float, length_m: float, other_middle: FloatArray, other_normal: float, other_m: float
+    middle: FloatArray,
+    normal_rad: float,
+    length_m: float,
+    other_middle: FloatArray,
+    other_normal: float,
+    other_m: float,
 ) -> tuple[float, float] | None:
     """Angle and offset by which a piece departs from the line of another one, or None where they are no one wall."""
     turn = wrap_angle(normal_rad - other_normal)

@@ -178,5 +178,3 @@ def _relative(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float) ->
     d = grid.centres(cells) - np.array([pose.x_m, pose.y_m])
     c, s = cos(heading_rad), sin(heading_rad)
     return np.stack([d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c], axis=1)
-
-

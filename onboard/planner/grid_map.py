@@ -56,10 +56,11 @@ class GridMap:
 
     def centres(self, cells: npt.NDArray[np.int64]) -> Points:
         """Map positions (N, 2) of cells (N, 2)."""
-        return (cells[:, ::-1] + 0.5) * self.cell_m + np.array([self.origin_x_m, self.origin_y_m])
+        centres: Points = (cells[:, ::-1] + 0.5) * self.cell_m + np.array([self.origin_x_m, self.origin_y_m])
+        return centres
 
     def contains(self, cell: Cell) -> bool:
-        return 0 <= cell[0] < self.cells.shape[0] and 0 <= cell[1] < self.cells.shape[1]
+        return bool(0 <= cell[0] < self.cells.shape[0] and 0 <= cell[1] < self.cells.shape[1])
 
     @cached_property
     def clearance_m(self) -> npt.NDArray[np.float32]:
@@ -69,7 +70,8 @@ class GridMap:
     @cached_property
     def standable(self) -> Mask:
         """Free cells on which the hull keeps its distance from every known wall."""
-        return (self.cells == FREE) & (self.clearance_m >= STAND_CLEARANCE_M)
+        mask: Mask = (self.cells == FREE) & (self.clearance_m >= STAND_CLEARANCE_M)
+        return mask
 
     @cached_property
     def frontier(self) -> Mask:
@@ -82,7 +84,8 @@ class GridMap:
         beside[:, :-1] |= unknown[:, 1:]
         candidates = (self.cells == FREE) & beside & (self.clearance_m >= OPENING_CLEARANCE_M)
         count = _box_sum(candidates.astype(np.int16), 2)
-        return candidates & (count >= FRONTIER_NEIGHBOURS_MIN)
+        mask: Mask = candidates & (count >= FRONTIER_NEIGHBOURS_MIN)
+        return mask
 
     @property
     def area_m2(self) -> float:
@@ -121,7 +124,7 @@ def _box_sum(values: npt.NDArray[np.int16], reach: int) -> npt.NDArray[np.int16]
 
 
 def _distance_cells(walls: Mask, reach: int) -> npt.NDArray[np.float32]:
-    """Exact Euclidean distance to the nearest wall in cells, capped at `reach` (separable: Felzenszwalb's two passes)."""
+    """Exact Euclidean distance to the nearest wall in cells, at most `reach` (separable, in two passes)."""
     rows, columns = walls.shape
     index = np.arange(columns)
     left = np.maximum.accumulate(np.where(walls, index, -10_000), axis=1)

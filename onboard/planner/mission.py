@@ -18,7 +18,7 @@ from onboard.planner import exploration
 from onboard.planner.exploration import Exploration, FrontierGroup
 from onboard.planner.grid_map import GridMap, Mask
 from onboard.planner.right_hand_rule import shift_rad
-from onboard.planner.route_planning import cell_costs, length_m, pull_string, shortest_path, straight_is_clear
+from onboard.planner.route_planning import cell_costs, pull_string, shortest_path, straight_is_clear
 
 ARRIVED_M = 0.15
 FAST_CLEARANCE_M = 0.6
@@ -33,6 +33,9 @@ BLOCK_RADIUS_M = 0.35
 BLOCK_FOR_S = 40.0
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
 OBSTRUCTIONS_MAX = 2  # of the way to one entry of the list, then it is given up
+STAGNANT_M = 0.1
+STAGNANT_RAD = radians(20.0)
+STAGNANT_S = 20.0
 VAIN_LEG_M = 0.3
 VAIN_LEG_RAD = radians(30.0)
 OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
@@ -97,6 +100,7 @@ class Mission:
         self._opening_checked: Pose2 | None = None
         self._leg_start: Pose2 | None = None
         self._obstructed: dict[tuple[float, float], int] = {}
+        self._anchor: tuple[float, Pose2, Mode] | None = None
         self._vain_legs: list[Pose2] = []  # where driving straight on led nowhere
         self._retry_s = 0.0
 
@@ -149,8 +153,24 @@ class Mission:
             self._rest_until_s = view.now_s + REST_S
         return motion
 
+    def _stagnates(self, view: View) -> bool:
+        """It wants to get somewhere and has not moved for a while, whatever the reason."""
+        anchor = self._anchor
+        moved = anchor is None or anchor[1].distance_m(view.pose) > STAGNANT_M or anchor[2] is not self.mode
+        if moved or abs(wrap_angle(anchor[1].heading_rad - view.pose.heading_rad)) > STAGNANT_RAD:  # type: ignore[index]
+            self._anchor = (view.now_s, view.pose, self.mode)
+            return False
+        assert anchor is not None
+        return self.mode in (Mode.ROUTE, Mode.STRAIGHT, Mode.LOOK) and view.now_s - anchor[0] > STAGNANT_S
+
     def _act(self, view: View) -> Motion:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
+        if self._stagnates(view):
+            self._anchor = None
+            self._exploration.give_up(*self._target)
+            self._grid_seen = -1
+            self._look(view.pose.heading_rad, view.now_s)
+            return stand
         if self.mode in (Mode.WAITING, Mode.DONE):
             return stand
         if self.mode is Mode.LOOK:
@@ -338,8 +358,7 @@ class Mission:
             if any(_distance_to_leg(p, a, b) < BLOCK_RADIUS_M - 0.05 for p in blocked):
                 return False
             a = b
-        ahead = self.way[0]
-        return straight_is_clear(view.grid, (view.pose.x_m, view.pose.y_m), ahead, 0.0) or length_m(self.way) < 0.3
+        return view.grid.sees((view.pose.x_m, view.pose.y_m), self.way[0])
 
     def _carrot(self, pose: Pose2) -> tuple[float, float]:
         """The point to steer for: some way ahead on the way; passed points are dropped."""
@@ -367,5 +386,3 @@ def _distance_to_leg(p: tuple[float, float], a: tuple[float, float], b: tuple[fl
     dx, dy = b[0] - a[0], b[1] - a[1]
     f = max(0.0, min(1.0, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-9)))
     return hypot(p[0] - a[0] - f * dx, p[1] - a[1] - f * dy)
-
-

@@ -123,7 +123,8 @@ class Planner:
 
     def _drive(self, bus: Bus, now_s: float, pose: PoseEstimate) -> None:
         ranges, distances, carrier = bus.latest(RANGES), bus.latest(DISTANCES), bus.latest(CARRIER)
-        assert ranges is not None and distances is not None
+        assert ranges is not None
+        assert distances is not None
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
         if self._grid is None or self._paused or backing:
             self._wanted = Motion(Speed.STOP, pose.heading_rad)
@@ -185,9 +186,7 @@ class Planner:
         area_m2 = self._grid.area_m2 if self._grid is not None else 0.0
         bus.publish(
             PLAN,
-            PlannerView(
-                now_s, mode.name, mode.value, way, len(self._mission.groups), area_m2, self._mission.finished
-            ),
+            PlannerView(now_s, mode.name, mode.value, way, len(self._mission.groups), area_m2, self._mission.finished),
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from math import hypot, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -20,7 +20,7 @@ _NEIGHBOURS = [(i, j, sqrt(i * i + j * j)) for i in (-1, 0, 1) for j in (-1, 0, 
 
 
 def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None, tight: bool = False) -> list[list[float]]:
-    """Price of a metre on every cell; 0 where the hull cannot stand. `tight` takes ways with hardly any clearance too."""
+    """Price of a metre on every cell, 0 where the hull cannot stand; `tight` takes ways with hardly any clearance."""
     clearance = grid.clearance_m
     allowed = (grid.cells == FREE) & (clearance >= TIGHT_CLEARANCE_M) if tight else grid.standable.copy()
     if blocked is not None:
@@ -97,7 +97,3 @@ def pull_string(grid: GridMap, cells: list[Cell]) -> list[tuple[float, float]]:
 def straight_is_clear(grid: GridMap, a: tuple[float, float], b: tuple[float, float], clearance_m: float) -> bool:
     rows, columns = grid.line(a, b)
     return bool((grid.clearance_m[rows, columns] >= clearance_m).all() and (grid.cells[rows, columns] == FREE).all())
-
-
-def length_m(way: list[tuple[float, float]]) -> float:
-    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(way, way[1:], strict=False))
