@@ -23,6 +23,9 @@ BASELINE_MIN_M = 0.18
 SAMPLES_MIN = 5
 TURN_MAX_RAD = radians(8.0)  # a window in which the robot turned more says nothing
 FIT_SD_MAX_M = 0.03
+SIDEWAYS_SD_MAX_M = 0.15  # an echo whose place along the wall is less certain is dropped
+HEAD_ON_RAD = radians(20.0)
+ROUNDING_SD_M = SONAR_STEP_M / sqrt(12.0)
 BEAM_HALF_RAD = radians(38.0)
 MISSES_MAX = 3
 SAMPLE_GAP_S = 0.02  # a range that is not this much newer is the same one again
@@ -140,12 +143,17 @@ class BeamTrack:
         ux, uy = dx / baseline_m, dy / baseline_m
         s = np.array([(n.pose.x_m - centre.pose.x_m) * ux + (n.pose.y_m - centre.pose.y_m) * uy for n in near])
         r = np.array([n.range_m for n in near])
-        slope, offset, sd_m = _line(s, r)
+        slope, offset, sd_m, slope_sd = _line(s, r)
         if sd_m > FIT_SD_MAX_M:
             return None
         travel_rad = atan2(uy, ux)
         axis_rad = wrap_angle(centre.pose.heading_rad + self.bearing_rad - travel_rad)
         off_rad = acos(min(max(-slope, -1.0), 1.0)) * (1.0 if axis_rad >= 0 else -1.0)
+        if offset * slope_sd > SIDEWAYS_SD_MAX_M * max(sin(abs(off_rad)), 1e-6):
+            # Head-on the range says nothing of the direction: only a sonar that looks that way itself can tell
+            if abs(axis_rad) > HEAD_ON_RAD or -slope < cos(HEAD_ON_RAD):
+                return None
+            off_rad = axis_rad
         off_axis_rad = wrap_angle(off_rad - axis_rad)
         if abs(off_axis_rad) > BEAM_HALF_RAD:
             return None
@@ -160,13 +168,15 @@ class BeamTrack:
         )
 
 
-def _line(s: np.ndarray, r: np.ndarray) -> tuple[float, float, float]:
-    """Slope, value at s = 0 and residual sd of the least-squares line through r(s)."""
+def _line(s: np.ndarray, r: np.ndarray) -> tuple[float, float, float, float]:
+    """Slope, value at s = 0, residual sd and the slope's sd of the least-squares line through r(s)."""
     ms, mr = float(s.mean()), float(r.mean())
     ds = s - ms
-    slope = float(ds @ r) / max(float(ds @ ds), 1e-9)
+    spread = max(float(ds @ ds), 1e-9)
+    slope = float(ds @ r) / spread
     residual = r - mr - slope * ds
-    return slope, mr - slope * ms, sqrt(float(residual @ residual) / max(len(s) - 2, 1))
+    sd = sqrt(float(residual @ residual) / max(len(s) - 2, 1))
+    return slope, mr - slope * ms, sd, max(sd, ROUNDING_SD_M) / sqrt(spread)
 
 
 class Surroundings:

@@ -36,6 +36,7 @@ OBSTRUCTIONS_MAX = 2  # of the way to one entry of the list, then it is given up
 STAGNANT_M = 0.1
 STAGNANT_RAD = radians(20.0)
 STAGNANT_S = 20.0
+STEER_MAX_RAD = radians(10.0)
 VAIN_LEG_M = 0.3
 VAIN_LEG_RAD = radians(30.0)
 OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
@@ -280,8 +281,10 @@ class Mission:
         ):
             self._end_leg(view)
             return Motion(Speed.STOP, pose.heading_rad)
-        heading_rad = wrap_angle(self._leg_rad + shift_rad(view.left_m, view.right_m))
-        return Motion(Speed.MEDIUM, heading_rad)
+        wanted_rad = self._leg_rad + shift_rad(view.left_m, view.right_m)
+        # Never so much at once that the Carrier would stop to turn on the spot
+        change_rad = max(-STEER_MAX_RAD, min(STEER_MAX_RAD, wrap_angle(wanted_rad - pose.heading_rad)))
+        return Motion(Speed.MEDIUM, wrap_angle(pose.heading_rad + change_rad))
 
     def _end_leg(self, view: View) -> None:
         if self._leg_start is not None and self._leg_start.distance_m(view.pose) < VAIN_LEG_M:

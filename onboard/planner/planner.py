@@ -63,12 +63,14 @@ class Planner:
         self._paused = False
         self._left: deque[float] = deque(maxlen=5)
         self._right: deque[float] = deque(maxlen=5)
+        self._front: deque[float] = deque(maxlen=3)
 
     def step(self, bus: Bus, now_s: float) -> None:
         self._take_map(bus)
         for distances in bus.take(DISTANCES):
             self._left.append(distances.left_m)
             self._right.append(distances.right_m)
+            self._front.append(distances.front_m)
         pose = bus.latest(POSE)
         for operation in bus.take(OPERATION):
             self._operate(operation, pose)
@@ -122,19 +124,18 @@ class Planner:
         return ErrorCode.OK
 
     def _drive(self, bus: Bus, now_s: float, pose: PoseEstimate) -> None:
-        ranges, distances, carrier = bus.latest(RANGES), bus.latest(DISTANCES), bus.latest(CARRIER)
+        ranges, carrier = bus.latest(RANGES), bus.latest(CARRIER)
         assert ranges is not None
-        assert distances is not None
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
         if self._grid is None or self._paused or backing:
             self._wanted = Motion(Speed.STOP, pose.heading_rad)
         elif pose.t_s > self._pose_seen_s:
             self._pose_seen_s = pose.t_s
-            self._wanted = self._mission.step(self._view(now_s, pose, distances.front_m))
+            self._wanted = self._mission.step(self._view(now_s, pose))
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
         self._emergency, blocked = watch(self._emergency, now_s, self._wanted.speed, ranges.range_m, speed_m_s)
         if blocked and self._grid is not None:
-            self._mission.blocked(self._view(now_s, pose, distances.front_m), self._emergency.bearing_rad)
+            self._mission.blocked(self._view(now_s, pose), self._emergency.bearing_rad)
         motion = self._wanted
         if self._emergency.phase is Phase.STOPPED:
             motion = Motion(Speed.STOP, pose.heading_rad)
@@ -142,7 +143,7 @@ class Planner:
             motion = Motion(Speed.REVERSE, pose.heading_rad)
         self._command(bus, now_s, motion, pose)
 
-    def _view(self, now_s: float, pose: PoseEstimate, front_m: float) -> View:
+    def _view(self, now_s: float, pose: PoseEstimate) -> View:
         assert self._grid is not None
         p = self._points
         near = p[np.abs(p - np.array([pose.x_m, pose.y_m])).max(axis=1) < POINTS_NEAR_M] if len(p) else p
@@ -154,7 +155,7 @@ class Planner:
             near,
             _median(self._left),
             _median(self._right),
-            front_m,
+            _median(self._front),
         )
 
     def _command(self, bus: Bus, now_s: float, motion: Motion, pose: PoseEstimate | None) -> None:
