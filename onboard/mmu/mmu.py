@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from common.bus import Bus, alive
-from common.constants import MAP_RATE_MAX_HZ, SONAR_BEARINGS_RAD
+from common.constants import MAP_RATE_MAX_HZ, MAP_TOLERANCE_M, SONAR_BEARINGS_RAD
 from common.errors import ErrorCode
 from common.messages import (
     GRID,
@@ -31,7 +31,7 @@ from onboard.mmu.slam import Slam
 
 GRID_PERIOD_S = 1.0
 TRAJECTORY_PERIOD_S = 10.0
-MAX_SD_M = 1.5  # a pose less certain than this is not valid
+MAX_SD_M = MAP_TOLERANCE_M  # a pose less certain than this is not valid
 
 
 class MappingUnit:

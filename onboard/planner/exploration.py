@@ -93,12 +93,14 @@ def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Ma
     return float(distance[tight.argmax()]) if tight.any() else STRAIGHT_MAX_M
 
 
-def something_ahead(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float, reach_m: float) -> bool:
+def something_ahead(
+    grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float, reach_m: float, side_m: float = STRAIGHT_SIDE_M
+) -> bool:
     """Is there frontier that will be seen in passing by driving straight on?"""
     if reach_m < STRAIGHT_MIN_M:
         return False
     points = _relative(grid, frontier, pose, heading_rad)
-    ahead = (points[:, 0] > 0.15) & (points[:, 0] < reach_m + 0.5) & (np.abs(points[:, 1]) < STRAIGHT_SIDE_M)
+    ahead = (points[:, 0] > 0.15) & (points[:, 0] < reach_m + 0.5) & (np.abs(points[:, 1]) < side_m)
     candidates = points[ahead]
     for x_m, y_m in candidates[:: max(1, len(candidates) // 40)]:
         at = pose.x_m + x_m * cos(heading_rad), pose.y_m + x_m * sin(heading_rad)

@@ -6,9 +6,10 @@ It knows no messages and no clock of its own.
 
 from __future__ import annotations
 
+from cmath import phase, rect
 from dataclasses import dataclass
 from enum import Enum
-from math import atan2, cos, hypot, inf, radians, sin
+from math import atan2, cos, hypot, inf, pi, radians, sin
 
 import numpy as np
 
@@ -37,6 +38,13 @@ STAGNANT_M = 0.1
 STAGNANT_RAD = radians(20.0)
 STAGNANT_S = 20.0
 STEER_MAX_RAD = radians(10.0)
+SIDE_TURNS_RAD = (-pi / 2, pi / 2, pi)  # P3.0: the right-most way first
+SIDE_REACH_M = 1.2
+SIDE_WIDTH_M = 0.8
+DIRECTIONS_MIN = 30
+RIGHT_ANGLES_MIN = 0.6  # mean resultant length of four times the direction
+ALONG_RAD = radians(30.0)
+ROOMY_SHARE = 0.8
 VAIN_LEG_M = 0.3
 VAIN_LEG_RAD = radians(30.0)
 OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
@@ -101,6 +109,8 @@ class Mission:
         self._opening_checked: Pose2 | None = None
         self._leg_start: Pose2 | None = None
         self._obstructed: dict[tuple[float, float], int] = {}
+        self._directions = 0j  # sum of unit vectors at four times the halls' directions
+        self._directions_seen = 0
         self._anchor: tuple[float, Pose2, Mode] | None = None
         self._vain_legs: list[Pose2] = []  # where driving straight on led nowhere
         self._retry_s = 0.0
@@ -203,7 +213,7 @@ class Mission:
 
     def _choose(self, view: View) -> None:
         """P3.0 with the list: straight on while that shows something new, else the nearest entry of the list."""
-        heading_rad = view.pose.heading_rad
+        heading_rad = self._along_hall(view.pose.heading_rad)
         reach_m = exploration.straight_reach_m(view.grid, view.pose, heading_rad, self._blocked)
         if not (self._front_is_near(view) or self._led_nowhere(view.pose)) and exploration.something_ahead(
             view.grid, self._frontier, view.pose, heading_rad, reach_m
@@ -212,10 +222,29 @@ class Mission:
             self._leg_start = view.pose
             self._empty_lists = 0
             return
+        for turn_rad in SIDE_TURNS_RAD:
+            side_rad = self._along_hall(wrap_angle(heading_rad + turn_rad))
+            side = Pose2(view.pose.x_m, view.pose.y_m, side_rad)
+            reach_m = exploration.straight_reach_m(view.grid, side, side_rad, self._blocked)
+            if (
+                reach_m >= SIDE_REACH_M
+                and not self._led_nowhere(side)
+                and exploration.something_ahead(view.grid, self._frontier, side, side_rad, reach_m, SIDE_WIDTH_M)
+            ):
+                self._look(side_rad, view.now_s)
+                return
         self._take_from_list(view)
 
+    def _along_hall(self, heading_rad: float) -> float:
+        """The building's own direction next to a heading, where it has right angles and one is near; else the same."""
+        if self._directions_seen < DIRECTIONS_MIN or abs(self._directions) < RIGHT_ANGLES_MIN * self._directions_seen:
+            return heading_rad
+        base_rad = phase(self._directions) / 4
+        nearest_rad = base_rad + round((heading_rad - base_rad) / (pi / 2)) * (pi / 2)
+        return wrap_angle(nearest_rad) if abs(wrap_angle(nearest_rad - heading_rad)) < ALONG_RAD else heading_rad
+
     def _take_from_list(self, view: View, mask: Mask | None = None) -> bool:
-        wanted = self._group_mask() if mask is None else mask
+        wanted = self._group_mask(view.grid) if mask is None else mask
         if wanted.shape != view.grid.cells.shape:
             return False
         route = self._route(view, wanted) if wanted.any() else None
@@ -235,10 +264,13 @@ class Mission:
             self.mode = Mode.DONE
         return False
 
-    def _group_mask(self) -> Mask:
+    def _group_mask(self, grid: GridMap) -> Mask:
+        """Where to go for the entries of the list: their cells away from the walls."""
         mask = np.zeros_like(self._frontier)
         for group in self.groups:
-            mask[tuple(group.cells.T)] = True
+            clearance_m = grid.clearance_m[tuple(group.cells.T)]
+            roomy = group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()]
+            mask[tuple(roomy.T)] = True
         return mask
 
     def _route(self, view: View, wanted: Mask, tight: bool = False) -> list[tuple[float, float]] | None:
@@ -266,6 +298,8 @@ class Mission:
         pose = view.pose
         direction = exploration.hall_direction_rad(view.points, pose, self._leg_rad)
         if direction is not None:
+            self._directions += rect(1.0, 4 * direction)
+            self._directions_seen += 1
             self._leg_rad = wrap_angle(self._leg_rad + 0.15 * wrap_angle(direction - self._leg_rad))
         reach_m = exploration.straight_reach_m(view.grid, pose, self._leg_rad, self._blocked)
         if (
@@ -352,7 +386,7 @@ class Mission:
             return
         direction = exploration.unknown_direction_rad(view.grid, view.pose.x_m, view.pose.y_m, view.pose.heading_rad)
         self._exploration.give_up(*self._target)
-        self._look(direction, view.now_s)
+        self._look(self._along_hall(direction), view.now_s)
 
     def _way_is_clear(self, view: View) -> bool:
         a = (view.pose.x_m, view.pose.y_m)
