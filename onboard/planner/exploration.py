@@ -17,6 +17,7 @@ from common.geometry import Points, Pose2, wrap_angle
 from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, GridMap, Mask
 
 GROUP_CELLS_MIN = 5
+GROUP_COARSENESS = 2  # grid cells
 STRAIGHT_MIN_M = 0.45
 STRAIGHT_MAX_M = 6.0
 STRAIGHT_SIDE_M = 3.5  # frontier this far to the side is seen in passing
@@ -26,13 +27,27 @@ OPENING_WIDTH_M = 0.6
 GIVEN_UP_RADIUS_M = 0.45
 
 
+Cells = npt.NDArray[np.int64]  # (N, 2) row, column
+
+
+@dataclass(frozen=True, slots=True)
+class Frontier:
+    """Frontier cells (N, 2) and their centres (N, 2) in the map."""
+
+    cells: Cells
+    points: Points
+
+
 @dataclass(frozen=True, slots=True)
 class FrontierGroup:
     """Neighbouring frontier cells (N, 2) and their middle in the map."""
 
-    cells: npt.NDArray[np.int64]
+    cells: Cells
     x_m: float
     y_m: float
+
+
+NOWHERE = Frontier(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)))
 
 
 class Exploration:
@@ -45,36 +60,36 @@ class Exploration:
         """Whatever frontier is left around this position will not be visited again."""
         self._given_up.append((x_m, y_m))
 
-    def frontier(self, grid: GridMap) -> Mask:
+    def frontier(self, grid: GridMap, blocked: Mask) -> Frontier:
         """Frontier cells that are still worth a visit."""
-        mask = grid.frontier.copy()
-        cells = np.argwhere(mask)
+        cells = np.argwhere(grid.frontier & ~blocked)
+        points = grid.centres(cells)
         if len(cells) and self._given_up:
-            centres = grid.centres(cells)
-            for x_m, y_m in self._given_up:
-                near = np.hypot(centres[:, 0] - x_m, centres[:, 1] - y_m) < GIVEN_UP_RADIUS_M
-                mask[tuple(cells[near].T)] = False
-        return mask
+            gap = points[:, None, :] - np.array(self._given_up)[None, :, :]
+            keep = (np.hypot(gap[..., 0], gap[..., 1]) >= GIVEN_UP_RADIUS_M).all(axis=1)
+            cells, points = cells[keep], points[keep]
+        return Frontier(cells, points)
 
 
-def groups(grid: GridMap, frontier: Mask) -> list[FrontierGroup]:
-    """Connected groups (8 neighbours) of at least GROUP_CELLS_MIN frontier cells."""
-    left = {(int(r), int(c)) for r, c in np.argwhere(frontier)}
+def groups(grid: GridMap, frontier: Frontier) -> list[FrontierGroup]:
+    """Groups of at least GROUP_CELLS_MIN frontier cells that lie next to each other (within a coarse cell)."""
+    members: dict[tuple[int, int], list[int]] = {}
+    for i, (r, c) in enumerate((frontier.cells // GROUP_COARSENESS).tolist()):
+        members.setdefault((r, c), []).append(i)
     found: list[FrontierGroup] = []
-    while left:
-        stack = [left.pop()]
-        members = []
+    while members:
+        key, indices = members.popitem()
+        stack = [key]
         while stack:
             r, c = stack.pop()
-            members.append((r, c))
-            for cell in ((r + i, c + j) for i in (-2, -1, 0, 1, 2) for j in (-2, -1, 0, 1, 2)):
-                if cell in left:
-                    left.remove(cell)
-                    stack.append(cell)
-        if len(members) >= GROUP_CELLS_MIN:
-            cells = np.array(members)
-            middle = grid.centres(cells).mean(axis=0)
-            found.append(FrontierGroup(cells, float(middle[0]), float(middle[1])))
+            for near in ((r + i, c + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
+                if near in members:
+                    indices += members.pop(near)
+                    stack.append(near)
+        if len(indices) >= GROUP_CELLS_MIN:
+            indices.sort()
+            middle = frontier.points[indices].mean(axis=0)
+            found.append(FrontierGroup(frontier.cells[indices], float(middle[0]), float(middle[1])))
     return found
 
 
@@ -94,12 +109,12 @@ def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Ma
 
 
 def something_ahead(
-    grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float, reach_m: float, side_m: float = STRAIGHT_SIDE_M
+    grid: GridMap, frontier: Frontier, pose: Pose2, heading_rad: float, reach_m: float, side_m: float = STRAIGHT_SIDE_M
 ) -> bool:
     """Is there frontier that will be seen in passing by driving straight on?"""
     if reach_m < STRAIGHT_MIN_M:
         return False
-    points = _relative(grid, frontier, pose, heading_rad)
+    points = _relative(frontier, pose, heading_rad)
     ahead = (points[:, 0] > 0.15) & (points[:, 0] < reach_m + 0.5) & (np.abs(points[:, 1]) < side_m)
     candidates = points[ahead]
     for x_m, y_m in candidates[:: max(1, len(candidates) // 40)]:
@@ -110,12 +125,9 @@ def something_ahead(
     return False
 
 
-def opening_on_the_right(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float) -> Mask | None:
+def opening_on_the_right(grid: GridMap, frontier: Frontier, pose: Pose2, heading_rad: float) -> Cells | None:
     """Frontier cells of an opening on the right that was just passed and is wide enough to enter; None = wall right."""
-    cells = np.argwhere(frontier)
-    if not len(cells):
-        return None
-    points = _relative(grid, frontier, pose, heading_rad)
+    points = _relative(frontier, pose, heading_rad)
     passed = (
         (points[:, 0] > OPENING_BEHIND_M[0])
         & (points[:, 0] < OPENING_BEHIND_M[1])
@@ -124,12 +136,10 @@ def opening_on_the_right(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad
     )
     if not passed.any() or np.ptp(points[passed, 0]) < OPENING_WIDTH_M:
         return None
-    centres = grid.centres(cells[passed])
-    seen = np.array([grid.sees((pose.x_m, pose.y_m), (float(x), float(y))) for x, y in centres])
+    seen = np.array([grid.sees((pose.x_m, pose.y_m), (x, y)) for x, y in frontier.points[passed].tolist()])
     if seen.sum() < GROUP_CELLS_MIN or np.ptp(points[passed][seen, 0]) < OPENING_WIDTH_M:
         return None
-    opening = np.zeros_like(frontier)
-    opening[tuple(cells[passed][seen].T)] = True
+    opening: Cells = frontier.cells[passed][seen]
     return opening
 
 
@@ -172,11 +182,8 @@ def hall_direction_rad(points: Points, pose: Pose2, heading_rad: float) -> float
     return None
 
 
-def _relative(grid: GridMap, frontier: Mask, pose: Pose2, heading_rad: float) -> Points:
-    """Frontier cells as (N, 2): forward and left of the robot."""
-    cells = np.argwhere(frontier)
-    if not len(cells):
-        return np.zeros((0, 2))
-    d = grid.centres(cells) - np.array([pose.x_m, pose.y_m])
+def _relative(frontier: Frontier, pose: Pose2, heading_rad: float) -> Points:
+    """Frontier points as (N, 2): forward and left of the robot."""
+    d = frontier.points - np.array([pose.x_m, pose.y_m])
     c, s = cos(heading_rad), sin(heading_rad)
     return np.stack([d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c], axis=1)

@@ -16,8 +16,8 @@ import numpy as np
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import Speed
 from onboard.planner import exploration
-from onboard.planner.exploration import Exploration, FrontierGroup
-from onboard.planner.grid_map import GridMap, Mask
+from onboard.planner.exploration import Cells, Exploration, Frontier, FrontierGroup
+from onboard.planner.grid_map import Cell, GridMap, Mask
 from onboard.planner.right_hand_rule import shift_rad
 from onboard.planner.route_planning import cell_costs, pull_string, shortest_path, straight_is_clear
 
@@ -93,8 +93,8 @@ class Mission:
         self.way: list[tuple[float, float]] = []
         self._returns_home = returns_home
         self._exploration = Exploration()
-        self._frontier: Mask = np.zeros((0, 0), dtype=bool)
-        self._blocked: Mask = self._frontier
+        self._frontier: Frontier = exploration.NOWHERE
+        self._blocked: Mask = np.zeros((0, 0), dtype=bool)
         self._grid_seen = -1
         self._leg_rad = 0.0
         self._look_rad = 0.0
@@ -151,7 +151,7 @@ class Mission:
         if view.grid_revision != self._grid_seen:
             self._grid_seen = view.grid_revision
             self._blocked = self._blocked_mask(view.grid)
-            self._frontier = self._exploration.frontier(view.grid) & ~self._blocked
+            self._frontier = self._exploration.frontier(view.grid, self._blocked)
             self.groups = exploration.groups(view.grid, self._frontier)
         if view.now_s < self._rest_until_s:
             return Motion(Speed.STOP, view.pose.heading_rad)
@@ -243,17 +243,16 @@ class Mission:
         nearest_rad = base_rad + round((heading_rad - base_rad) / (pi / 2)) * (pi / 2)
         return wrap_angle(nearest_rad) if abs(wrap_angle(nearest_rad - heading_rad)) < ALONG_RAD else heading_rad
 
-    def _take_from_list(self, view: View, mask: Mask | None = None) -> bool:
-        wanted = self._group_mask(view.grid) if mask is None else mask
-        if wanted.shape != view.grid.cells.shape:
-            return False
-        route = self._route(view, wanted) if wanted.any() else None
+    def _take_from_list(self, view: View, cells: Cells | None = None) -> bool:
+        """Set out for the nearest of these cells, or of the whole list; False where no way leads there."""
+        wanted = self._list_cells(view.grid) if cells is None else goal_set(cells)
+        route = self._route(view, wanted) if wanted else None
         if route is not None:
             self._empty_lists = 0
             self.mode, self.way = Mode.ROUTE, route
             self._target = route[-1]
             return True
-        if mask is not None:
+        if cells is not None:
             return False
         self._empty_lists += 1
         if self._empty_lists < LIST_PATIENCE:
@@ -264,19 +263,18 @@ class Mission:
             self.mode = Mode.DONE
         return False
 
-    def _group_mask(self, grid: GridMap) -> Mask:
+    def _list_cells(self, grid: GridMap) -> set[Cell]:
         """Where to go for the entries of the list: their cells away from the walls."""
-        mask = np.zeros_like(self._frontier)
+        wanted: set[Cell] = set()
         for group in self.groups:
             clearance_m = grid.clearance_m[tuple(group.cells.T)]
-            roomy = group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()]
-            mask[tuple(roomy.T)] = True
-        return mask
+            wanted |= goal_set(group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()])
+        return wanted
 
-    def _route(self, view: View, wanted: Mask, tight: bool = False) -> list[tuple[float, float]] | None:
+    def _route(self, view: View, wanted: set[Cell], tight: bool = False) -> list[tuple[float, float]] | None:
         start = view.grid.cell(view.pose.x_m, view.pose.y_m)
         costs = cell_costs(view.grid, start, self._blocked_mask(view.grid), tight)
-        found = shortest_path(costs, start, lambda cell: bool(wanted[cell]))
+        found = shortest_path(costs, start, lambda cell: cell in wanted)
         return None if found is None else pull_string(view.grid, found[0])
 
     def _blocked_mask(self, grid: GridMap) -> Mask:
@@ -302,9 +300,7 @@ class Mission:
             self._directions_seen += 1
             self._leg_rad = wrap_angle(self._leg_rad + 0.15 * wrap_angle(direction - self._leg_rad))
         reach_m = exploration.straight_reach_m(view.grid, pose, self._leg_rad, self._blocked)
-        if (
-            self._opening_checked is None or self._opening_checked.distance_m(pose) > OPENING_PATIENCE_M
-        ) and self._frontier.shape == view.grid.cells.shape:
+        if self._opening_checked is None or self._opening_checked.distance_m(pose) > OPENING_PATIENCE_M:
             opening = exploration.opening_on_the_right(view.grid, self._frontier, pose, self._leg_rad)
             if opening is not None:
                 self._opening_checked = pose
@@ -357,9 +353,9 @@ class Mission:
             return self.mode is Mode.ROUTE and bool(self.way)
         target = (0.0, 0.0) if self.mode is Mode.HOME else self._target
         goal = view.grid.cell(*target)
-        wanted = np.zeros(view.grid.cells.shape, dtype=bool)
         reach = 1 if self.mode is Mode.HOME else 4
-        wanted[max(goal[0] - reach, 0) : goal[0] + reach + 1, max(goal[1] - reach, 0) : goal[1] + reach + 1] = True
+        span = range(-reach, reach + 1)
+        wanted = {(goal[0] + i, goal[1] + j) for i in span for j in span}
         route = self._route(view, wanted) or self._route(view, wanted, tight=True)
         if route is None:
             self.mode, self._retry_s = Mode.STUCK, view.now_s + 3.0
@@ -370,11 +366,8 @@ class Mission:
 
     def _still_wanted(self, view: View) -> bool:
         """Is there still frontier near the end of the way?"""
-        cells = np.argwhere(self._frontier)
-        if not len(cells) or self._frontier.shape != view.grid.cells.shape:
-            return False
-        centres = view.grid.centres(cells)
-        return bool((np.hypot(centres[:, 0] - self._target[0], centres[:, 1] - self._target[1]) < 0.5).any())
+        gap = self._frontier.points - np.array(self._target)
+        return bool((np.hypot(gap[:, 0], gap[:, 1]) < 0.5).any())
 
     def _arrive(self, view: View) -> None:
         self.way = []
@@ -417,6 +410,10 @@ class Mission:
         ahead = (view.pose.x_m + 1.0 * cos(heading_rad), view.pose.y_m + 1.0 * sin(heading_rad))
         wide = straight_is_clear(view.grid, (view.pose.x_m, view.pose.y_m), ahead, FAST_CLEARANCE_M)
         return Speed.HIGH if wide else Speed.MEDIUM
+
+
+def goal_set(cells: Cells) -> set[Cell]:
+    return {(r, c) for r, c in cells.tolist()}
 
 
 def _distance_to_leg(p: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:
