@@ -200,9 +200,11 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
         if view is not None and time.monotonic() - said_s > PROGRESS_S:
             said_s = time.monotonic()
             pace = robot.now_s / (said_s - began_s)
+            newest = permit.latest(PERMIT)
+            standing = "" if newest is None or newest.granted else f", standing: {newest.reason}"
             _say(
                 f"{robot.now_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, "
-                f"{view.detail}, {pace:.0f} times real time"
+                f"{view.detail}{standing}, {pace:.0f} times real time"
             )
         return view is not None and view.finished
 

@@ -22,7 +22,6 @@ from common.messages import (
     MapUpdate,
     Odometry,
     PoseEstimate,
-    Ranges,
     Trajectory,
 )
 from common.status import StatusReporter
@@ -47,13 +46,14 @@ class MappingUnit:
         self._sent_points = 0
         self._sent_revision = -1
         self._grid_revision = 0
-        self._ranges: list[Ranges] = []
         self._pose: PoseEstimate | None = None
 
     def step(self, bus: Bus, now_s: float) -> None:
-        self._ranges += bus.take(RANGES)
         for odometry in bus.take(ODOMETRY):
             self._take_in(bus, odometry)
+        for ranges in bus.take(RANGES):
+            if ranges.valid:
+                self._slam.add_ranges(ranges)
         fresh = alive(bus, ODOMETRY)
         if self._pose is not None and not fresh and self._pose.valid:
             self._pose = replace(self._pose, valid=False)
@@ -70,9 +70,7 @@ class MappingUnit:
     def _take_in(self, bus: Bus, odometry: Odometry) -> None:
         if not odometry.valid:
             return
-        matching = next((r for r in self._ranges if abs(r.t_s - odometry.t_s) < 0.05), None)
-        self._ranges = [r for r in self._ranges if r.t_s > odometry.t_s]
-        self._slam.update(odometry, matching)
+        self._slam.add_odometry(odometry)
         pose = self._slam.pose
         sd_xy_m, sd_heading_rad = self._slam.uncertainty
         self._pose = PoseEstimate(

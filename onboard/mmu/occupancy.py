@@ -11,16 +11,17 @@ from math import radians
 import numpy as np
 import numpy.typing as npt
 
-from common.geometry import Points
+from common.geometry import FloatArray, Points
 
 CELL_M = 0.1
 GROWTH_CELLS = 100
 UNKNOWN, FREE, WALL = 0, 1, 2
 RAY_SPREAD_RAD = tuple(radians(a) for a in (-8.0, -4.0, 0.0, 4.0, 8.0))
 RAY_MARGIN_M = 0.15  # a ray ends this far before its echo
-RAY_MAX_M = 5.0
+RAY_MAX_M = 6.2
 SILENT_FREE_M = 1.0  # how far a sonar that hears nothing several times running frees
 HITS_FOR_WALL = 2
+RAYS_AT_ONCE = 500
 HULL_CLEAR_M = 0.25
 _STEP_M = 0.08
 _REACHES = np.arange(0.0, RAY_MAX_M, _STEP_M)
@@ -51,12 +52,15 @@ class OccupancyGrid:
 
     def add_rays(self, starts_m: Points, directions_rad: npt.ArrayLike, free_m: npt.ArrayLike) -> None:
         """Free space along rays: starts (N, 2), directions (N,), how far (N,); infinite where nothing was heard."""
-        if not len(starts_m):
-            return
-        free = np.asarray(free_m, dtype=np.float64)
+        directions, lengths = np.asarray(directions_rad), np.asarray(free_m, dtype=np.float64)
+        for i in range(0, len(starts_m), RAYS_AT_ONCE):
+            part = slice(i, i + RAYS_AT_ONCE)
+            self._add_rays(starts_m[part], directions[part], lengths[part])
+
+    def _add_rays(self, starts_m: Points, directions_rad: FloatArray, free: FloatArray) -> None:
         free = np.where(np.isfinite(free), np.minimum(free - RAY_MARGIN_M, RAY_MAX_M), SILENT_FREE_M)
         spread = np.array(RAY_SPREAD_RAD)
-        angle = (np.asarray(directions_rad)[:, None] + spread[None, :]).ravel()
+        angle = (directions_rad[:, None] + spread[None, :]).ravel()
         free = np.repeat(free, len(spread))
         start = np.repeat(starts_m, len(spread), axis=0)
         unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -66,9 +70,10 @@ class OccupancyGrid:
         reach = _REACHES[:steps]
         points = start[:, None, :] + unit[:, None, :] * reach[None, :, None]
         index = self._index(points)
-        seen_wall = np.cumsum(self._hits[index] >= HITS_FOR_WALL, axis=1) > 0
+        seen_wall = np.cumsum(self._hits[index] > 0, axis=1) > 0
         open_ = (reach[None, :] <= free[:, None]) & ~seen_wall
-        np.add.at(self._passes, (index[0][open_], index[1][open_]), 1)
+        flat = index[0][open_] * self._passes.shape[1] + index[1][open_]
+        self._passes.ravel()[:] += np.bincount(flat, minlength=self._passes.size).astype(np.uint32)
 
     def add_hull(self, positions_m: Points) -> None:
         """Where the robot itself stood (N, 2) is free, whatever the sonars say."""

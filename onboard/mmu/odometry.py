@@ -7,7 +7,7 @@ corrected by the map.
 
 from __future__ import annotations
 
-from math import cos, pi, radians, sin
+from math import cos, isfinite, pi, radians, sin
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -44,15 +44,21 @@ class OdometryFilter:
 
     def update(self, odometry: Odometry) -> bool:
         """Take one report in; False when it does not go on from the one before (the board restarted or jumped)."""
-        last, self._last = self._last, odometry
+        if not all(map(isfinite, (odometry.t_s, odometry.yaw_rad))):
+            return False
+        last = self._last
+        if last is not None and odometry.session == last.session and odometry.t_s <= last.t_s:
+            return True
+        self._last = odometry
         if last is None or odometry.session != last.session:
-            self._yaw_unwrapped_rad = 0.0
+            # The board's yaw begins anew; the heading goes on
+            self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
             return last is None
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
         dt_s = odometry.t_s - last.t_s
-        if dt_s <= 0 or max(abs(left_m), abs(right_m)) > MAX_STEP_M:
-            return dt_s <= 0
+        if max(abs(left_m), abs(right_m)) > MAX_STEP_M:
+            return False
         self._predict(left_m, right_m, dt_s, odometry.standing)
         turn_rad = wrap_angle(odometry.yaw_rad - last.yaw_rad)
         self._yaw_unwrapped_rad += turn_rad

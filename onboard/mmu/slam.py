@@ -43,6 +43,8 @@ PIECE_TRAVEL_M = 3.0
 PIECE_GAP_M = 2.5
 PIECE_LOOK_BACK_M = 45.0
 STRAIN_MAX = 0.5  # a new tie that pulls less (chi squared) can wait
+SD_MAX_M = 2.5
+REDRAW_ROWS = 300  # of rays that a new grid takes in per report: a step must stay short
 REDRAW_M = 0.04  # a correction larger than this redraws map and grid
 
 
@@ -85,7 +87,7 @@ class KeyFrame:
 
 
 class Slam:
-    """The whole of it. `update` takes the reports in as they come; everything else is read off."""
+    """The whole of it. `add_odometry` and `add_ranges` take the reports in as they come; the rest is read off."""
 
     def __init__(self, bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD) -> None:
         self._odometry = OdometryFilter()
@@ -98,8 +100,8 @@ class Slam:
         self._pieces: list[WallPiece] = []
         self._travel_m = 0.0
         self._matched_m = 0.0
-        self._drawn_echoes = 0
-        self._drawn_rays = 0
+        self._drawn = (0, 0)  # echoes and rays in the grid
+        self._drawing: tuple[OccupancyGrid, tuple[int, int]] | None = None  # the next grid, and what it has
         self.grid = OccupancyGrid()
         self.revision = 0
         self.closures = 0
@@ -121,10 +123,10 @@ class Slam:
     def uncertainty(self) -> tuple[float, float]:
         """Standard deviations of position (metres) and heading (radians) since the last tie to known walls."""
         since_m = self._travel_m - self._last_closure_m
-        return 0.03 + 0.01 * since_m, radians(0.3) + radians(0.05) * since_m
+        return min(0.03 + 0.01 * since_m, SD_MAX_M), radians(0.3) + radians(0.05) * since_m
 
-    def update(self, odometry: Odometry, ranges: Ranges | None) -> bool:
-        """Take in one report of odometry and, where there is one, of ranges. False: the odometry did not go on."""
+    def add_odometry(self, odometry: Odometry) -> bool:
+        """Take in one report. False: it did not go on from the one before (the board restarted or jumped)."""
         goes_on = self._odometry.update(odometry)
         pose = self._odometry.pose
         if self._recent:
@@ -133,13 +135,16 @@ class Slam:
         del self._recent[:-POSES_KEPT]
         if self._new_key_frame_due(pose):
             self._add_key_frame(odometry.t_s, pose)
-        if ranges is not None:
-            echoes, rays = self._surroundings.add(ranges.t_s, self._recent, ranges.range_m, ranges.age_s)
-            self._store(echoes, rays)
         if self._travel_m - self._matched_m >= MATCH_EVERY_M:
             self._matched_m = self._travel_m
             self._tie()
+        self._draw_on()
         return goes_on
+
+    def add_ranges(self, ranges: Ranges) -> None:
+        """Take in one report; ranges from before the first odometry are of no use."""
+        if self._recent:
+            self._store(*self._surroundings.add(ranges.t_s, self._recent, ranges.range_m, ranges.age_s))
 
     def trajectory(self) -> tuple[FloatArray, FloatArray]:
         """Times (K,) and poses (K, 3) of the key frames as they lie now."""
@@ -155,23 +160,34 @@ class Slam:
         return self._echoes.count
 
     def draw(self) -> None:
-        """Bring the grid up to the newest echoes and rays."""
-        if not self._frames:
+        """Bring the grid up to the newest echoes and rays, unless it is just being drawn anew."""
+        if self._frames and self._drawing is None:
+            self._drawn = self._draw_into(self.grid, self._drawn, self._rays.count)
+
+    def _draw_on(self) -> None:
+        """A part of the new grid after a correction; the old one stays until the new one is complete."""
+        if self._drawing is None:
             return
-        self.grid.add_walls(self.wall_points(self._drawn_echoes))
-        self._drawn_echoes = self._echoes.count
-        rows = self._rays.rows(self._drawn_rays)
-        self._drawn_rays = self._rays.count
+        grid, drawn = self._drawing
+        drawn = self._draw_into(grid, drawn, drawn[1] + REDRAW_ROWS)
+        self._drawing = (grid, drawn)
+        if drawn[1] == self._rays.count:
+            self.grid, self._drawn, self._drawing = grid, drawn, None
+
+    def _draw_into(self, grid: OccupancyGrid, drawn: tuple[int, int], ray_end: int) -> tuple[int, int]:
+        """Echoes and rays from `drawn` (echoes, rays) on into a grid; returns how far it got."""
+        grid.add_walls(self.wall_points(drawn[0]))
+        rows = self._rays.rows(drawn[1])[: max(ray_end - drawn[1], 0)]
         here = self.pose
-        self.grid.add_hull(np.array([(here.x_m, here.y_m)]))
+        grid.add_hull(np.array([(here.x_m, here.y_m)]))
         if len(rows):
             starts, directions = in_map(rows, self._graph.poses)
-            self.grid.add_hull(starts[::5])
-            self.grid.add_rays(starts, directions, rows[:, 5])
+            grid.add_hull(starts[::5])
+            grid.add_rays(starts, directions, rows[:, 5])
+        return self._echoes.count, drawn[1] + len(rows)
 
     def _redraw(self) -> None:
-        self.grid = OccupancyGrid()
-        self._drawn_echoes = self._drawn_rays = 0
+        self._drawing = (OccupancyGrid(), (0, 0))
         self.revision += 1
 
     def _new_key_frame_due(self, pose: Pose2) -> bool:

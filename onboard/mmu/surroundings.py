@@ -28,6 +28,9 @@ HEAD_ON_RAD = radians(20.0)
 ROUNDING_SD_M = SONAR_STEP_M / sqrt(12.0)
 BEAM_HALF_RAD = radians(38.0)
 MISSES_MAX = 3
+STANDING_M = 0.002
+RAY_EVERY_M = 0.08
+RAY_EVERY_RAD = radians(3.0)
 SAMPLE_GAP_S = 0.02  # a range that is not this much newer is the same one again
 
 
@@ -85,6 +88,8 @@ class BeamTrack:
             return []
         if self._follows(self.samples[-1], sample):
             self.pending = None
+            if abs(sample.travel_m - self.samples[-1].travel_m) < STANDING_M:
+                return []
             self.samples.append(sample)
             return self._place(final=False)
         if self.pending is not None and self._follows(self.pending, sample):
@@ -188,6 +193,7 @@ class Surroundings:
         self._tracks = [BeamTrack(b, step_m) for b in bearings_rad]
         self._newest_s = [float("-inf")] * len(bearings_rad)
         self._recent: list[deque[float]] = [deque(maxlen=3) for _ in bearings_rad]
+        self._ray_poses: list[Pose2 | None] = [None] * len(bearings_rad)
         self._travel_m = 0.0
         self._last_pose: Pose2 | None = None
 
@@ -216,9 +222,18 @@ class Surroundings:
                 echoes += track.add(sample)
             else:
                 echoes += track.miss()
-            if len(self._recent[i]) == 3:
+            if len(self._recent[i]) == 3 and self._ray_due(i, pose):
                 rays.append(Ray(measured_s, pose, self._bearings_rad[i], sorted(self._recent[i])[1]))
         return echoes, rays
+
+    def _ray_due(self, beam: int, pose: Pose2) -> bool:
+        """From where the last ray came there is nothing new to see."""
+        last = self._ray_poses[beam]
+        turned_rad = abs(wrap_angle(pose.heading_rad - last.heading_rad)) if last is not None else RAY_EVERY_RAD
+        if last is not None and last.distance_m(pose) < RAY_EVERY_M and turned_rad < RAY_EVERY_RAD:
+            return False
+        self._ray_poses[beam] = pose
+        return True
 
 
 def pose_at(poses: list[tuple[float, Pose2]], t_s: float) -> Pose2:

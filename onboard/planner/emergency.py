@@ -5,7 +5,7 @@ Runs at the Planner's full rate on the newest ranges, whatever the mission wants
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from common.constants import (
@@ -22,6 +22,7 @@ from common.messages import Speed
 REACTION_S = 0.25  # age of a range and of a command
 BRAKING_M_S2 = 0.3
 BLOCKED_S = 1.2  # standing in front of it for so long makes it an obstacle
+CLEAR_S = 0.3  # a single lost echo is no all-clear
 BACK_OFF_S = 1.3  # backwards over floor driven just now
 AHEAD = (SONAR_FRONT, SONAR_FRONT_LEFT, SONAR_FRONT_RIGHT)
 
@@ -39,6 +40,7 @@ class Emergency:
     phase: Phase = Phase.CLEAR
     since_s: float = 0.0
     bearing_rad: float = 0.0
+    near_s: float = 0.0  # when it was last heard
 
 
 def nearest_ahead(ranges_m: tuple[float, ...]) -> tuple[float, float]:
@@ -62,16 +64,18 @@ def watch(
     distance_m, bearing_rad = nearest_ahead(ranges_m)
     limit_m = PLANNER_CLEARANCE_M + stopping_m(max(speed_m_s, SPEED_MEDIUM_M_S))
     near = distance_m < limit_m
+    forward = wanted in (Speed.MEDIUM, Speed.HIGH)
+    stop = Emergency(Phase.STOPPED, now_s, bearing_rad, now_s)
     if state.phase is Phase.CLEAR:
-        if near and wanted in (Speed.MEDIUM, Speed.HIGH):
-            return Emergency(Phase.STOPPED, now_s, bearing_rad), False
-        return state, False
-    if state.phase is Phase.STOPPED:
-        if not near:
-            return Emergency(), False
-        if now_s - state.since_s > BLOCKED_S:
-            return Emergency(Phase.BACKING, now_s, bearing_rad), True
-        return state, False
-    if now_s - state.since_s > BACK_OFF_S:
+        return (stop, False) if near and forward else (state, False)
+    if state.phase is Phase.BACKING:
+        if now_s - state.since_s <= BACK_OFF_S:
+            return state, False
+        return (stop if near and forward else Emergency()), False
+    if near:
+        state = replace(state, near_s=now_s, bearing_rad=bearing_rad)
+    elif now_s - state.near_s > CLEAR_S:
         return Emergency(), False
+    if now_s - state.since_s > BLOCKED_S:
+        return Emergency(Phase.BACKING, now_s, state.bearing_rad), True
     return state, False

@@ -17,6 +17,7 @@ UNKNOWN, FREE, WALL = 0, 1, 2
 CLEARANCE_MAX_CELLS = 16
 STAND_CLEARANCE_M = HULL_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
 OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not a way
+SLIVER_PASSES = 4  # closes holes of up to 0.7 m between rays
 FRONTIER_NEIGHBOURS_MIN = 4  # frontier cells within 0.2 m, itself included
 
 Mask = npt.NDArray[np.bool_]
@@ -107,7 +108,7 @@ class GridMap:
 def _close_slivers(cells: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """Unknown cells almost surrounded by free ones are free: gaps between neighbouring rays."""
     out = cells.copy()
-    for _ in range(2):
+    for _ in range(SLIVER_PASSES):
         free = _box_sum((out == FREE).astype(np.int16), 1)
         out[(out == UNKNOWN) & (free >= 5)] = FREE
     return out

@@ -30,10 +30,12 @@ REST_EVERY_S = 30.0  # of motion, for the gyro's bias
 REST_S = 1.3
 HEADING_REACHED_RAD = radians(3.0)
 TURN_TIMEOUT_S = 12.0
+BLOCK_AHEAD_M = 0.45
 BLOCK_RADIUS_M = 0.35
 BLOCK_FOR_S = 40.0
+RETRY_S = 3.0
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
-OBSTRUCTIONS_MAX = 2  # of the way to one entry of the list, then it is given up
+OBSTRUCTIONS_MAX = 2  # on the way to the list's next entry, then that is given up
 STAGNANT_M = 0.1
 STAGNANT_RAD = radians(20.0)
 STAGNANT_S = 20.0
@@ -108,20 +110,26 @@ class Mission:
         self._empty_lists = 0
         self._opening_checked: Pose2 | None = None
         self._leg_start: Pose2 | None = None
-        self._obstructed: dict[tuple[float, float], int] = {}
+        self._obstructions = 0  # since the last arrival
         self._directions = 0j  # sum of unit vectors at four times the halls' directions
         self._directions_seen = 0
-        self._anchor: tuple[float, Pose2, Mode] | None = None
+        self._anchor: Pose2 | None = None
+        self._still_s = 0.0
         self._vain_legs: list[Pose2] = []  # where driving straight on led nowhere
         self._retry_s = 0.0
+        self._retry_mode = Mode.HOME
+        self._align_until_s = 0.0
+        self._tried: list[Pose2] = []  # where it turned to a side way
 
     @property
     def finished(self) -> bool:
         return self.mode is Mode.DONE
 
-    def start(self, pose: Pose2) -> None:
-        if self.mode is Mode.WAITING or self.mode is Mode.DONE:
-            self._look(pose.heading_rad, 0.0)
+    def start(self, pose: Pose2, now_s: float) -> None:
+        """Begin to explore; once more from the beginning of the list after a finished mission."""
+        if self.mode in (Mode.WAITING, Mode.DONE):
+            self._empty_lists = 0
+            self._look(pose.heading_rad, now_s)
 
     def go_home(self) -> None:
         self.mode, self.way = Mode.HOME, []
@@ -132,14 +140,15 @@ class Mission:
     def blocked(self, view: View, bearing_rad: float) -> None:
         """Something stands in the way that the map does not know: plan around it for a while."""
         angle = view.pose.heading_rad + bearing_rad
-        self._blocks.append(
-            (view.pose.x_m + 0.45 * cos(angle), view.pose.y_m + 0.45 * sin(angle), view.now_s + BLOCK_FOR_S)
-        )
+        x_m, y_m = view.pose.x_m + BLOCK_AHEAD_M * cos(angle), view.pose.y_m + BLOCK_AHEAD_M * sin(angle)
+        self._blocks.append((x_m, y_m, view.now_s + BLOCK_FOR_S))
+        # Most often this is a wall that was met at a slant and not yet placed: nothing is to be found behind it
+        self._exploration.give_up(x_m, y_m)
         if self.mode is Mode.STRAIGHT:
             self._end_leg(view)
         elif self.mode is Mode.ROUTE:
-            self._obstructed[self._target] = self._obstructed.get(self._target, 0) + 1
-            if self._obstructed[self._target] >= OBSTRUCTIONS_MAX:
+            self._obstructions += 1
+            if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._exploration.give_up(*self._target)
         self.way = []
         self._grid_seen = -1
@@ -155,7 +164,7 @@ class Mission:
             self.groups = exploration.groups(view.grid, self._frontier)
         if view.now_s < self._rest_until_s:
             return Motion(Speed.STOP, view.pose.heading_rad)
-        motion = self._act(view)
+        motion = self._act(view, dt_s)
         if motion.speed is Speed.STOP:
             return motion
         self._moving_s += dt_s
@@ -164,19 +173,21 @@ class Mission:
             self._rest_until_s = view.now_s + REST_S
         return motion
 
-    def _stagnates(self, view: View) -> bool:
-        """It wants to get somewhere and has not moved for a while, whatever the reason."""
-        anchor = self._anchor
-        moved = anchor is None or anchor[1].distance_m(view.pose) > STAGNANT_M or anchor[2] is not self.mode
-        if moved or abs(wrap_angle(anchor[1].heading_rad - view.pose.heading_rad)) > STAGNANT_RAD:  # type: ignore[index]
-            self._anchor = (view.now_s, view.pose, self.mode)
-            return False
-        assert anchor is not None
-        return self.mode in (Mode.ROUTE, Mode.STRAIGHT, Mode.LOOK) and view.now_s - anchor[0] > STAGNANT_S
+    def _stagnates(self, view: View, dt_s: float) -> bool:
+        """It is under way to something and has not moved for a while, whatever the reason."""
+        anchor, self._still_s = self._anchor, self._still_s + min(dt_s, 0.5)
+        if (
+            anchor is None
+            or self.mode is not Mode.ROUTE
+            or anchor.distance_m(view.pose) > STAGNANT_M
+            or abs(wrap_angle(anchor.heading_rad - view.pose.heading_rad)) > STAGNANT_RAD
+        ):
+            self._anchor, self._still_s = view.pose, 0.0
+        return self._still_s > STAGNANT_S
 
-    def _act(self, view: View) -> Motion:
+    def _act(self, view: View, dt_s: float) -> Motion:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
-        if self._stagnates(view):
+        if self._stagnates(view, dt_s):
             self._anchor = None
             self._exploration.give_up(*self._target)
             self._grid_seen = -1
@@ -189,12 +200,12 @@ class Mission:
         if self.mode is Mode.STRAIGHT:
             return self._drive_straight(view)
         if self.mode is Mode.ALIGN:
-            if abs(wrap_angle(view.pose.heading_rad)) < HEADING_REACHED_RAD:
+            if abs(wrap_angle(view.pose.heading_rad)) < HEADING_REACHED_RAD or view.now_s > self._align_until_s:
                 self.mode = Mode.DONE
             return Motion(Speed.STOP, 0.0)
         if self.mode is Mode.STUCK:
             if view.now_s >= self._retry_s:
-                self._choose(view)
+                self.mode = self._retry_mode
             return stand
         return self._follow_way(view)
 
@@ -215,7 +226,7 @@ class Mission:
         """P3.0 with the list: straight on while that shows something new, else the nearest entry of the list."""
         heading_rad = self._along_hall(view.pose.heading_rad)
         reach_m = exploration.straight_reach_m(view.grid, view.pose, heading_rad, self._blocked)
-        if not (self._front_is_near(view) or self._led_nowhere(view.pose)) and exploration.something_ahead(
+        if not (self._front_is_near(view) or _near(view.pose, self._vain_legs)) and exploration.something_ahead(
             view.grid, self._frontier, view.pose, heading_rad, reach_m
         ):
             self.mode, self._leg_rad, self._opening_checked = Mode.STRAIGHT, heading_rad, view.pose
@@ -228,9 +239,10 @@ class Mission:
             reach_m = exploration.straight_reach_m(view.grid, side, side_rad, self._blocked)
             if (
                 reach_m >= SIDE_REACH_M
-                and not self._led_nowhere(side)
+                and not _near(side, [*self._vain_legs, *self._tried])
                 and exploration.something_ahead(view.grid, self._frontier, side, side_rad, reach_m, SIDE_WIDTH_M)
             ):
+                self._tried.append(side)
                 self._look(side_rad, view.now_s)
                 return
         self._take_from_list(view)
@@ -272,10 +284,13 @@ class Mission:
         return wanted
 
     def _route(self, view: View, wanted: set[Cell], tight: bool = False) -> list[tuple[float, float]] | None:
+        """Way points to the cheapest of the wanted cells; None where no way leads there."""
         start = view.grid.cell(view.pose.x_m, view.pose.y_m)
-        costs = cell_costs(view.grid, start, self._blocked_mask(view.grid), tight)
-        found = shortest_path(costs, start, lambda cell: cell in wanted)
-        return None if found is None else pull_string(view.grid, found[0])
+        if not view.grid.contains(start):
+            return None
+        blocked = self._blocked_mask(view.grid)
+        found = shortest_path(cell_costs(view.grid, start, blocked, tight), start, lambda cell: cell in wanted)
+        return None if found is None else pull_string(view.grid, found[0], blocked)
 
     def _blocked_mask(self, grid: GridMap) -> Mask:
         """Cells around what stood in the way lately."""
@@ -321,12 +336,6 @@ class Mission:
             self._vain_legs.append(self._leg_start)
         self._look(view.pose.heading_rad, view.now_s)
 
-    def _led_nowhere(self, pose: Pose2) -> bool:
-        return any(
-            leg.distance_m(pose) < VAIN_LEG_M and abs(wrap_angle(leg.heading_rad - pose.heading_rad)) < VAIN_LEG_RAD
-            for leg in self._vain_legs
-        )
-
     def _follow_way(self, view: View) -> Motion:
         pose = view.pose
         stand = Motion(Speed.STOP, pose.heading_rad)
@@ -358,8 +367,8 @@ class Mission:
         wanted = {(goal[0] + i, goal[1] + j) for i in span for j in span}
         route = self._route(view, wanted) or self._route(view, wanted, tight=True)
         if route is None:
-            self.mode, self._retry_s = Mode.STUCK, view.now_s + 3.0
-            self._empty_lists = 0
+            self._retry_mode, self._retry_s = self.mode, view.now_s + RETRY_S
+            self.mode = Mode.STUCK
             return False
         self.way = [*route[:-1], target] if self.mode is Mode.HOME else route
         return True
@@ -371,8 +380,9 @@ class Mission:
 
     def _arrive(self, view: View) -> None:
         self.way = []
+        self._obstructions = 0
         if self.mode is Mode.HOME:
-            self.mode = Mode.ALIGN
+            self.mode, self._align_until_s = Mode.ALIGN, view.now_s + TURN_TIMEOUT_S
             return
         if self.mode is Mode.GOTO:
             self.mode = Mode.DONE
@@ -410,6 +420,14 @@ class Mission:
         ahead = (view.pose.x_m + 1.0 * cos(heading_rad), view.pose.y_m + 1.0 * sin(heading_rad))
         wide = straight_is_clear(view.grid, (view.pose.x_m, view.pose.y_m), ahead, FAST_CLEARANCE_M)
         return Speed.HIGH if wide else Speed.MEDIUM
+
+
+def _near(pose: Pose2, others: list[Pose2]) -> bool:
+    """Is one of the others about here and about this way?"""
+    return any(
+        other.distance_m(pose) < VAIN_LEG_M and abs(wrap_angle(other.heading_rad - pose.heading_rad)) < VAIN_LEG_RAD
+        for other in others
+    )
 
 
 def goal_set(cells: Cells) -> set[Cell]:

@@ -73,10 +73,11 @@ class Planner:
             self._front.append(distances.front_m)
         pose = bus.latest(POSE)
         for operation in bus.take(OPERATION):
-            self._operate(operation, pose)
+            self._operate(operation, pose, now_s)
         error = self._trouble(bus)
         if pose is None or error is not ErrorCode.OK:
-            self._command(bus, now_s, Motion(Speed.STOP, 0.0), pose)
+            self._emergency = Emergency()
+            self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad if pose is not None else 0.0), pose)
         else:
             self._drive(bus, now_s, pose)
             if self._emergency.phase is not Phase.CLEAR:
@@ -100,10 +101,10 @@ class Planner:
             self._grid_revision = newest.revision
             self._grid = GridMap.from_update(newest)
 
-    def _operate(self, command: OperatorCommand, pose: PoseEstimate | None) -> None:
+    def _operate(self, command: OperatorCommand, pose: PoseEstimate | None, now_s: float) -> None:
         self._paused = command.operation is Operation.PAUSE
         if command.operation is Operation.START and pose is not None:
-            self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad))
+            self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad), now_s)
         elif command.operation is Operation.HOME:
             self._mission.go_home()
         elif command.operation is Operation.GOTO:
@@ -111,30 +112,30 @@ class Planner:
 
     def _trouble(self, bus: Bus) -> ErrorCode:
         """Why the robot must stand; OK where it need not."""
+        permit = bus.latest(PERMIT)
+        if permit is not None and permit.stop_sources and self._mission.mode is not Mode.WAITING:
+            # A release must never start motion by itself: somebody has to say resume
+            self._paused = True
         if not alive_and_valid(bus, POSE):
             return ErrorCode.NO_POSE
         if not alive(bus, RANGES) or not alive(bus, DISTANCES):
             return ErrorCode.NO_RANGES
-        permit = bus.latest(PERMIT)
-        if permit is None or not permit.granted:
-            if permit is not None and permit.stop_sources and self._mission.mode is not Mode.WAITING:
-                # A release must never start motion by itself: somebody has to say resume
-                self._paused = True
-            return ErrorCode.NO_PERMIT
-        return ErrorCode.OK
+        return ErrorCode.OK if permit is not None and permit.granted else ErrorCode.NO_PERMIT
 
     def _drive(self, bus: Bus, now_s: float, pose: PoseEstimate) -> None:
         ranges, carrier = bus.latest(RANGES), bus.latest(CARRIER)
         assert ranges is not None
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
         if self._grid is None or self._paused or backing:
-            self._wanted = Motion(Speed.STOP, pose.heading_rad)
-        elif pose.t_s > self._pose_seen_s:
+            self._emergency = Emergency()
+            self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
+            return
+        if pose.t_s > self._pose_seen_s:
             self._pose_seen_s = pose.t_s
             self._wanted = self._mission.step(self._view(now_s, pose))
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
         self._emergency, blocked = watch(self._emergency, now_s, self._wanted.speed, ranges.range_m, speed_m_s)
-        if blocked and self._grid is not None:
+        if blocked:
             self._mission.blocked(self._view(now_s, pose), self._emergency.bearing_rad)
         motion = self._wanted
         if self._emergency.phase is Phase.STOPPED:

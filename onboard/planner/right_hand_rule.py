@@ -22,7 +22,7 @@ def shift_rad(left_m: float, right_m: float) -> float:
     left, right = left_m == left_m, right_m == right_m
     if left and right and left_m + right_m < HALL_WIDTH_FOR_BOTH_M:
         error_m = (left_m - right_m) / 2
-    elif right and right_m < MIN_DISTANCE_POI_M and (not left or left_m > right_m):
+    elif right and right_m < MIN_DISTANCE_POI_M:
         error_m = MIN_DISTANCE_POI_M - right_m
         if left:
             error_m = min(error_m, max(left_m - MIN_DISTANCE_TO_WALL_M, 0.0))

@@ -73,7 +73,7 @@ def shortest_path(
     return None
 
 
-def pull_string(grid: GridMap, cells: list[Cell]) -> list[tuple[float, float]]:
+def pull_string(grid: GridMap, cells: list[Cell], blocked: Mask | None = None) -> list[tuple[float, float]]:
     """Way points (map, metres): as few straight legs as keep the clearance that the path itself keeps."""
     points = [grid.centre(c) for c in cells]
     clearance = [float(grid.clearance_m[c]) for c in cells]
@@ -85,7 +85,8 @@ def pull_string(grid: GridMap, cells: list[Cell]) -> list[tuple[float, float]]:
         while at + step < len(points):
             end = at + step
             wanted = min(min(clearance[at : end + 1]), 0.6) - 0.5 * grid.cell_m
-            if not straight_is_clear(grid, points[at], points[end], max(wanted, STAND_CLEARANCE_M - grid.cell_m)):
+            least_m = max(wanted, STAND_CLEARANCE_M - grid.cell_m)
+            if not straight_is_clear(grid, points[at], points[end], least_m, blocked):
                 break
             reach = end
             step += max(1, step // 3)
@@ -94,6 +95,12 @@ def pull_string(grid: GridMap, cells: list[Cell]) -> list[tuple[float, float]]:
     return way
 
 
-def straight_is_clear(grid: GridMap, a: tuple[float, float], b: tuple[float, float], clearance_m: float) -> bool:
+def straight_is_clear(
+    grid: GridMap, a: tuple[float, float], b: tuple[float, float], clearance_m: float, blocked: Mask | None = None
+) -> bool:
+    """Only free cells with that clearance, none of them blocked, between two positions."""
     rows, columns = grid.line(a, b)
-    return bool((grid.clearance_m[rows, columns] >= clearance_m).all() and (grid.cells[rows, columns] == FREE).all())
+    clear = (grid.clearance_m[rows, columns] >= clearance_m) & (grid.cells[rows, columns] == FREE)
+    if blocked is not None:
+        clear &= ~blocked[rows, columns]
+    return bool(clear.all())
