@@ -1,9 +1,9 @@
 """Where do these echoes fit onto those? Registration of one set of wall points with normals onto another.
 
-1. Coarse: correlative search (Olson 2009) of the moving points over a smeared grid of the fixed ones, every heading
-   and offset of the search window; keeps the best and how good its best rival is.
 1. Coarse: correlative search (Olson 2009) of the moving points over a smeared grid of the fixed ones, every
    heading and offset of the search window; keeps the best and how good its best rival is.
+2. Fine: point-to-line least squares with normals (Chen and Medioni 1992), robust weights, neighbours by KD-tree.
+
 The information matrix is that of the point-to-line problem: along a bare hall it stays near zero by itself.
 Assumes that both sets are rigid: a few metres of driving each.
 """

@@ -32,10 +32,11 @@ HEADING_REACHED_RAD = radians(3.0)
 TURN_TIMEOUT_S = 12.0
 BLOCK_AHEAD_M = 0.45
 BLOCK_RADIUS_M = 0.35
-BLOCK_FOR_S = 40.0
+BLOCK_FOR_S = 25.0
 RETRY_S = 3.0
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
-OBSTRUCTIONS_MAX = 2  # on the way to the list's next entry, then that is given up
+OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
+OBSTRUCTION_NEAR_M = 1.5
 STAGNANT_M = 0.1
 STAGNANT_RAD = radians(20.0)
 STAGNANT_S = 20.0
@@ -146,9 +147,10 @@ class Mission:
         self._exploration.give_up(x_m, y_m)
         if self.mode is Mode.STRAIGHT:
             self._end_leg(view)
-        elif self.mode is Mode.ROUTE:
+        elif self.mode is Mode.ROUTE and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
             self._obstructions += 1
             if self._obstructions >= OBSTRUCTIONS_MAX:
+                self._obstructions = 0
                 self._exploration.give_up(*self._target)
         self.way = []
         self._grid_seen = -1
@@ -266,7 +268,8 @@ class Mission:
             return True
         if cells is not None:
             return False
-        self._empty_lists += 1
+        # What stands in the way may hide a way: nothing is concluded before it is forgotten
+        self._empty_lists += 0 if self._blocks else 1
         if self._empty_lists < LIST_PATIENCE:
             self._look(view.pose.heading_rad, view.now_s)
         elif self._returns_home:
@@ -283,13 +286,13 @@ class Mission:
             wanted |= goal_set(group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()])
         return wanted
 
-    def _route(self, view: View, wanted: set[Cell], tight: bool = False) -> list[tuple[float, float]] | None:
+    def _route(self, view: View, wanted: set[Cell]) -> list[tuple[float, float]] | None:
         """Way points to the cheapest of the wanted cells; None where no way leads there."""
         start = view.grid.cell(view.pose.x_m, view.pose.y_m)
         if not view.grid.contains(start):
             return None
         blocked = self._blocked_mask(view.grid)
-        found = shortest_path(cell_costs(view.grid, start, blocked, tight), start, lambda cell: cell in wanted)
+        found = shortest_path(cell_costs(view.grid, start, blocked), start, lambda cell: cell in wanted)
         return None if found is None else pull_string(view.grid, found[0], blocked)
 
     def _blocked_mask(self, grid: GridMap) -> Mask:
@@ -365,7 +368,7 @@ class Mission:
         reach = 1 if self.mode is Mode.HOME else 4
         span = range(-reach, reach + 1)
         wanted = {(goal[0] + i, goal[1] + j) for i in span for j in span}
-        route = self._route(view, wanted) or self._route(view, wanted, tight=True)
+        route = self._route(view, wanted)
         if route is None:
             self._retry_mode, self._retry_s = self.mode, view.now_s + RETRY_S
             self.mode = Mode.STUCK

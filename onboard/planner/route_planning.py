@@ -13,16 +13,16 @@ from onboard.planner.grid_map import FREE, STAND_CLEARANCE_M, Cell, GridMap, Mas
 
 COMFORT_M = 0.8  # nearer to a wall than this a way costs more
 COMFORT_WEIGHT = 3.0
-TIGHT_CLEARANCE_M = HULL_RADIUS_M
+TIGHT_CLEARANCE_M = HULL_RADIUS_M + 0.04
 TIGHT_PRICE = 12.0
 START_RADIUS_CELLS = 4  # around the robot every free cell may be stood on: it stands there
 _NEIGHBOURS = [(i, j, sqrt(i * i + j * j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
-def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None, tight: bool = False) -> list[list[float]]:
-    """Price of a metre on every cell, 0 where the hull cannot stand; `tight` takes ways with hardly any clearance."""
+def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[list[float]]:
+    """Price of a metre on every cell, dear where the hull hardly fits, 0 where it does not."""
     clearance = grid.clearance_m
-    allowed = (grid.cells == FREE) & (clearance >= TIGHT_CLEARANCE_M) if tight else grid.standable.copy()
+    allowed = (grid.cells == FREE) & (clearance >= TIGHT_CLEARANCE_M)
     if blocked is not None:
         allowed &= ~blocked
     r0, c0 = max(start[0] - START_RADIUS_CELLS, 0), max(start[1] - START_RADIUS_CELLS, 0)
