@@ -2,8 +2,12 @@
 
 Under `local --speed N` the simulator leads: it publishes `CLOCK` every TICK_S of simulated time and goes on while no
 follower is more than WINDOW_S behind. A follower answers `CLOCK_ACK` once per round of its own steps, with the time
-before which it has nothing to do. One that owes its answer for SILENT_S of wall time is no longer waited for, until it
-speaks again: a dead or frozen process cannot stop the clock. The message passing itself is the bus's.
+before which it has nothing to do; while a step takes long it says now and then that it is still at it. One that owes
+its answer for SILENT_S of wall time is no longer waited for, until it speaks again: a dead or frozen process cannot
+stop the clock. The message passing itself is the bus's.
+
+Messages must not be later than the clock either, or a busy machine makes sound modules look silent. So every answer
+announces what its sender has published, every tick hands that on, and a follower begins no step before it has it.
 """
 
 from __future__ import annotations
@@ -15,9 +19,13 @@ from collections.abc import Callable
 from typing import Protocol
 
 TICK_S = 0.02
-WINDOW_S = 0.06  # simulated; below the 0.1 s that is allowed, so that a status of 10 Hz never looks old to the watchdog
+WINDOW_S = 0.04  # simulated: 0.1 s between two statuses and twice this stay below the 0.2 s of the watchdog
 SILENT_S = 1.0  # wall time
-_POLL_S = 0.2  # how soon a wait notices that the process shall end
+BUSY_MAX_S = 20.0  # wall time; a step that takes longer is taken for one that never ends
+FREE_LEASE_S = 0.4  # what a frozen process costs at most until its links and tokens are given up
+# The shared clock waits for who is late, so the lease must; who freezes is given up by SILENT_S and falls silent
+SHARED_LEASE_S = 10.0
+_POLL_S = 0.1  # how soon a wait notices that the process shall end, and says again what may have been lost
 _LOST_PACE_S = 0.1  # wall time behind the pace that is forgotten instead of made up by a rush
 
 _log = logging.getLogger("clock")
@@ -26,7 +34,16 @@ Send = Callable[[float], None]
 
 
 class Clock(Protocol):
-    def now_s(self) -> float: ...
+    lease_s: float  # wall time for which a process may be unreachable before the others give it up
+
+    def now_s(self) -> float:
+        """The newest time that is known; when a message arrived."""
+
+    def step_s(self) -> float:
+        """The time that the running step belongs to; up to it ages count."""
+
+    def arrival_s(self, received_s: float) -> float:
+        """When a message received at `received_s`, and seen by the running step first, counts as arrived."""
 
     def begin(self, stop: threading.Event) -> float:
         """The time of the first step; waits until there is one."""
@@ -38,8 +55,16 @@ class Clock(Protocol):
 class FreeClock:
     """The monotonic clock of this machine."""
 
+    lease_s = FREE_LEASE_S
+
     def now_s(self) -> float:
         return time.monotonic()
+
+    def step_s(self) -> float:
+        return time.monotonic()
+
+    def arrival_s(self, received_s: float) -> float:
+        return received_s
 
     def begin(self, stop: threading.Event) -> float:
         return time.monotonic()
@@ -51,13 +76,45 @@ class FreeClock:
         return time.monotonic()
 
 
+Marks = tuple[tuple[str, ...], tuple[int, ...], tuple[int, ...]]  # topics, boot ids, sequence numbers
+
+
+class Announcements:
+    """The newest message of each topic by boot id and sequence number; used by the node's and by the bus's threads."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, tuple[int, int]] = {}
+        self._lock = threading.Lock()
+
+    def note(self, key: str, boot_id: int, sequence: int) -> None:
+        with self._lock:
+            self._newest[key] = (boot_id, sequence)
+
+    def merge(self, marks: Marks) -> None:
+        with self._lock:
+            for key, boot_id, sequence in zip(*marks, strict=True):
+                self._newest[key] = (boot_id, sequence)
+
+    def take(self) -> Marks:
+        """All of them, and none are left."""
+        with self._lock:
+            newest, self._newest = self._newest, {}
+        return tuple(newest), tuple(b for b, _ in newest.values()), tuple(s for _, s in newest.values())
+
+
 class FollowerClock:
     """Simulated time as the leader tells it. `tick` is called by the bus's own thread."""
 
+    lease_s = SHARED_LEASE_S
+
     def __init__(self) -> None:
         self._now_s = 0.0
+        self._step_s = 0.0
         self._changed = threading.Condition()
+        self._idle_until_s: float | None = None  # the last answer
+        self._working_since_wall_s: float | None = None
         self.send_ack: Send = lambda t_s: None
+        self.await_messages: Callable[[threading.Event], None] = lambda stop: None
 
     def tick(self, t_s: float) -> None:
         with self._changed:
@@ -68,21 +125,42 @@ class FollowerClock:
     def now_s(self) -> float:
         return self._now_s
 
+    def step_s(self) -> float:
+        return self._step_s
+
+    def arrival_s(self, received_s: float) -> float:
+        """The tick may be later than the message, which is no fault of its sender."""
+        return max(received_s, self._step_s)
+
     def begin(self, stop: threading.Event) -> float:
         """Who joins late begins with the present, and is waited for from its first answer on."""
         self._wait_for(TICK_S, stop)
+        threading.Thread(target=self._say_busy, args=(stop,), daemon=True).start()
         return self._now_s
 
     def wait_until(self, t_s: float, stop: threading.Event) -> float:
+        self._working_since_wall_s = None
         if self._now_s < t_s:
-            self.send_ack(t_s)
-            self._wait_for(t_s, stop)
+            self._idle_until_s = t_s
+            self._wait_for(t_s, stop, t_s)
+        self._step_s = t_s
+        self.await_messages(stop)
+        self._working_since_wall_s = time.monotonic()
         return t_s
 
-    def _wait_for(self, t_s: float, stop: threading.Event) -> None:
-        with self._changed:
-            while self._now_s < t_s and not stop.is_set():
-                self._changed.wait(_POLL_S)
+    def _say_busy(self, stop: threading.Event) -> None:
+        """A thread of its own: it freezes and dies with the process, but not in a long step."""
+        while not stop.wait(SILENT_S / 4):
+            since_s, idle_until_s = self._working_since_wall_s, self._idle_until_s
+            if since_s is not None and idle_until_s is not None and time.monotonic() - since_s < BUSY_MAX_S:
+                self.send_ack(idle_until_s)
+
+    def _wait_for(self, t_s: float, stop: threading.Event, answer_s: float | None = None) -> None:
+        while self._now_s < t_s and not stop.is_set():
+            if answer_s is not None:
+                self.send_ack(answer_s)
+            with self._changed:
+                self._changed.wait_for(lambda: self._now_s >= t_s, _POLL_S)
 
 
 class FollowerTable:
@@ -115,11 +193,13 @@ class FollowerTable:
 class LeaderClock:
     """Simulated time at up to `speed` times the wall's, held by followers that are late. `ack` comes from the bus."""
 
+    lease_s = SHARED_LEASE_S
+
     def __init__(self, speed: float, wall_s: Callable[[], float] = time.monotonic) -> None:
         self.speed = speed
         self._wall_s = wall_s
         self._now_s = 0.0
-        self._tick_due_s = TICK_S
+        self._tick_s, self._tick_due_s = 0.0, TICK_S
         self._anchor_s = wall_s()  # wall time at which simulated time 0 would have been, at this pace
         self._table = FollowerTable()
         self._acked = threading.Condition()
@@ -133,6 +213,12 @@ class LeaderClock:
     def now_s(self) -> float:
         return self._now_s
 
+    def step_s(self) -> float:
+        return self._now_s
+
+    def arrival_s(self, received_s: float) -> float:
+        return received_s
+
     def begin(self, stop: threading.Event) -> float:
         return self._now_s
 
@@ -143,6 +229,7 @@ class LeaderClock:
             self._await_followers(target_s, stop)
             self._now_s = target_s
             if target_s >= self._tick_due_s:
+                self._tick_s = target_s
                 self.send_tick(target_s)
                 self._tick_due_s = round(self._tick_due_s + TICK_S, 9)  # no error adds up: followers compare
         return t_s
@@ -151,7 +238,8 @@ class LeaderClock:
         with self._acked:
             before = set(self._table.silent)
             while self._table.holds(target_s, self._wall_s()) and not stop.is_set():
-                self._acked.wait(_POLL_S)
+                if not self._acked.wait(_POLL_S):
+                    self.send_tick(self._tick_s)
             for module in self._table.silent - before:
                 _log.warning("not waited for any more module=%s now_s=%.2f", module, self._now_s)
 

@@ -1,7 +1,7 @@
 """Payload <-> MessagePack, and the universal text form of the specification.
 
-On the wire a message is `[CODEC_VERSION, sequence, boot_id, {field: value}]`. A field that is missing takes its default,
-an unknown one is skipped: programs of neighbouring versions understand each other. Arrays travel as their raw bytes.
+On the wire a message is `[CODEC_VERSION, sequence, boot_id, {field: value}]`. A field that is missing takes its
+default, an unknown one is skipped: programs of neighbouring versions understand each other. Arrays travel as raw bytes.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ class CarrierState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """What SIM knows of its own motion (SIM_MR_02..04): cumulative encoder ticks, yaw and dead reckoning since power-on."""
+    """What SIM knows of its own motion (SIM_MR_02..04): cumulative ticks, yaw and dead reckoning since power-on."""
 
     t_s: float
     ticks_left: int
@@ -92,7 +92,7 @@ class Ranges:
 
 @dataclass(frozen=True, slots=True)
 class Distances:
-    """dist_left, dist_right, dist_front: the aggregated distances from the ring's centre to the walls, NaN where none."""
+    """dist_left, dist_right, dist_front: aggregated distances from the ring's centre to the walls, NaN where none."""
 
     t_s: float
     left_m: float
@@ -297,19 +297,28 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class ClockTick:
-    """Simulated time, under `local --speed N` only."""
+    """Simulated time, under `local --speed N` only, and what was published before it: newest message of each topic."""
 
     t_s: float
     speed: float
+    topics: tuple[str, ...] = ()
+    boot_ids: tuple[int, ...] = ()
+    sequences: tuple[int, ...] = ()
     valid: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class ClockAck:
-    """A process has nothing to do before `t_s` of simulated time: the clock may go there, and a little further."""
+    """A process has nothing to do before `t_s` of simulated time: the clock may go there, and a little further.
+
+    With it, what the process published since its last answer.
+    """
 
     t_s: float
     module: str
+    topics: tuple[str, ...] = ()
+    boot_ids: tuple[int, ...] = ()
+    sequences: tuple[int, ...] = ()
     valid: bool = True
 
 

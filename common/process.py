@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import ctypes
+import json
 import logging
 import logging.handlers
 import os
@@ -19,10 +20,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
 import zenoh
 
 from common.bus import Bus
-from common.clock import Clock, FollowerClock, FreeClock, LeaderClock
+from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
 from common.config import Config, load_config
 from common.errors import StartError
 from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick, LogLine
@@ -31,6 +33,8 @@ from common.zenoh_bus import Mode, ZenohBus
 _PR_SET_PDEATHSIG = 1
 _CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skips steps instead of making them up
 _LOG_FILE_BYTES = 2_000_000
+_STEPS_KEPT = 50_000  # of the newest steps, for the percentile
+STEPS_SUFFIX = ".steps.json"
 
 
 class Node(Protocol):
@@ -61,6 +65,29 @@ class BusLogHandler(logging.Handler):
         while self._records:
             level, text = self._records.popleft()
             bus.publish(LOG[module], LogLine(now_s, level, text))
+
+
+class StepTimer:
+    """How long the steps of a node took, in `<name>.steps.json` at the end."""
+
+    def __init__(self) -> None:
+        self._recent_s: deque[float] = deque(maxlen=_STEPS_KEPT)
+        self._count, self._sum_s, self._max_s = 0, 0.0, 0.0
+
+    def add(self, duration_s: float) -> None:
+        self._recent_s.append(duration_s)
+        self._count += 1
+        self._sum_s += duration_s
+        self._max_s = max(self._max_s, duration_s)
+
+    def write(self, file: Path) -> None:
+        """Nothing when there was no step; raises OSError."""
+        if not self._count:
+            return
+        p99_s = float(np.percentile(np.array(self._recent_s), 99))
+        figures = {"mean_ms": self._sum_s / self._count, "p99_ms": p99_s, "max_ms": self._max_s}
+        content = {name: round(1000 * value_s, 4) for name, value_s in figures.items()} | {"count": self._count}
+        file.write_text(json.dumps(content) + "\n", encoding="utf-8")
 
 
 def argument_parser(name: str) -> argparse.ArgumentParser:
@@ -94,6 +121,7 @@ def run(
     node: Node | None = None
     bus: ZenohBus | None = None
     code, clean = 0, True
+    steps = StepTimer()
     try:
         bus_log = _set_up_log(name, arguments.log_dir)
         config = load_config(arguments.config)
@@ -102,7 +130,7 @@ def run(
         bus = ZenohBus(name, config, clock, mode)
         _join_clock(clock, bus, name)
         log.info("started pid=%d config=%s", os.getpid(), arguments.config)
-        _loop(node, bus, clock, stop, bus_log)
+        _loop(node, bus, clock, stop, bus_log, steps)
         log.info("ended")
     except Exception as error:
         code = 2 if bus is None and isinstance(error, (StartError, OSError)) else 1
@@ -114,6 +142,8 @@ def run(
         try:
             if node is not None:
                 node.close()
+            if arguments.log_dir is not None:
+                steps.write(arguments.log_dir / f"{name}{STEPS_SUFFIX}")
         finally:
             clean = bus is None or bus.close()
     if not clean:
@@ -123,7 +153,9 @@ def run(
     return code
 
 
-def _loop(node: Node, bus: ZenohBus, clock: Clock, stop: threading.Event, bus_log: BusLogHandler) -> None:
+def _loop(
+    node: Node, bus: ZenohBus, clock: Clock, stop: threading.Event, bus_log: BusLogHandler, steps: StepTimer
+) -> None:
     log = logging.getLogger(node.name)
     due_s = clock.begin(stop)
     late = False
@@ -131,7 +163,9 @@ def _loop(node: Node, bus: ZenohBus, clock: Clock, stop: threading.Event, bus_lo
         now_s = clock.wait_until(due_s, stop)
         if stop.is_set():
             return
+        began_s = time.perf_counter()
         node.step(bus, now_s)
+        steps.add(time.perf_counter() - began_s)
         if node.name in LOG:
             bus_log.flush_to(bus, node.name, now_s)
         due_s = round(due_s + node.period_s, 9)
@@ -151,12 +185,33 @@ def _make_clock(arguments: argparse.Namespace, leads: bool) -> Clock:
 
 def _join_clock(clock: Clock, bus: ZenohBus, name: str) -> None:
     if isinstance(clock, FollowerClock):
-        clock.send_ack = lambda t_s: bus.publish(CLOCK_ACK, ClockAck(t_s, name))
-        bus.listen(CLOCK, lambda tick: clock.tick(tick.t_s))
+        _follow(clock, bus, name)
     elif isinstance(clock, LeaderClock):
-        speed = clock.speed
-        clock.send_tick = lambda t_s: bus.publish(CLOCK, ClockTick(t_s, speed))
-        bus.listen(CLOCK_ACK, lambda ack: clock.ack(ack.module, ack.t_s))
+        _lead(clock, bus)
+
+
+def _follow(clock: FollowerClock, bus: ZenohBus, name: str) -> None:
+    announced, expected = Announcements(), Announcements()
+
+    def heard(tick: ClockTick) -> None:
+        expected.merge((tick.topics, tick.boot_ids, tick.sequences))
+        clock.tick(tick.t_s)
+
+    bus.announced = announced
+    clock.send_ack = lambda t_s: bus.publish(CLOCK_ACK, ClockAck(t_s, name, *announced.take()))
+    clock.await_messages = lambda stop: bus.await_messages(expected, stop)
+    bus.listen(CLOCK, heard)
+
+
+def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
+    announced = Announcements()
+
+    def heard(ack: ClockAck) -> None:
+        announced.merge((ack.topics, ack.boot_ids, ack.sequences))
+        clock.ack(ack.module, ack.t_s)
+
+    clock.send_tick = lambda t_s: bus.publish(CLOCK, ClockTick(t_s, clock.speed, *announced.take()))
+    bus.listen(CLOCK_ACK, heard)
 
 
 def _set_up_log(name: str, folder: Path | None) -> BusLogHandler:

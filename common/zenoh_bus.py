@@ -26,7 +26,7 @@ import msgpack
 import zenoh
 
 from common.bus import QUEUE_LENGTH
-from common.clock import Clock
+from common.clock import FREE_LEASE_S, Announcements, Clock
 from common.codec import DecodeError, Envelope, decode, encode
 from common.config import Config
 from common.errors import StartError
@@ -35,7 +35,7 @@ from common.messages import STOP, Stance, Topic
 P = TypeVar("P")
 Mode = Literal["peer", "client", "router"]
 
-LEASE_MS = 400  # what a frozen process costs at most until its links and tokens are given up
+LOST_S = 0.5  # wall time; under the shared clock, a message that was announced and is later than this will not come
 _QUERY_TIMEOUT_S = 1.0
 _QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all the time
 _KNOWN_BOOTS = 16
@@ -56,7 +56,7 @@ _CONGESTION = {
 }
 
 
-def session_config(mode: Mode, router: str) -> zenoh.Config:
+def session_config(mode: Mode, router: str, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
     """What every session of the loopback mesh shares. Multicast and shared memory fail in containers, hence neither."""
     values: dict[str, Any] = {
         "mode": mode,
@@ -66,7 +66,7 @@ def session_config(mode: Mode, router: str) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
-        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/lease": round(1000 * lease_s),
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/real_time": 16,
         "transport/shared_memory/enabled": False,
@@ -79,9 +79,9 @@ def session_config(mode: Mode, router: str) -> zenoh.Config:
     return config
 
 
-def _open(mode: Mode, router: str) -> zenoh.Session:
+def _open(mode: Mode, router: str, lease_s: float) -> zenoh.Session:
     try:
-        return zenoh.open(session_config(mode, router))
+        return zenoh.open(session_config(mode, router, lease_s))
     except zenoh.ZError as error:
         if mode == "router":
             hint = "another mesh uses it; stop that one, or give this one another [mesh] router in robot.toml"
@@ -132,12 +132,14 @@ class ZenohBus:
         self._inboxes: dict[str, _Inbox] = {}
         self._outboxes: dict[str, _Outbox] = {}
         self._tokens: set[str] = set()
-        self._session = _open(mode, config.mesh.router)
+        self.announced: Announcements | None = None  # set under the shared clock: what was published
+        self._arrival = threading.Event()
+        self._session = _open(mode, config.mesh.router, clock.lease_s)
         self._stop_session = self._session
         self._token: Any = None
         try:
             if mode == "peer" and name in (STOP.producer, *STOP.consumers):
-                self._stop_session = _open(mode, config.mesh.router)
+                self._stop_session = _open(mode, config.mesh.router, clock.lease_s)
             self._token_watch = self._session.liveliness().declare_subscriber(
                 f"{self._robot}/*/alive", _direct(self._on_token), history=True
             )
@@ -180,6 +182,8 @@ class ZenohBus:
                     outbox.history.clear()
                 outbox.history.append(data)
         outbox.publisher.put(data)
+        if self.announced is not None and topic.consumers and topic.stance in (Stance.LATEST, Stance.COMMAND):
+            self.announced.note(topic.key, self._boot_id, outbox.sequence)
 
     def latest(self, topic: Topic[P]) -> P | None:
         newest: P | None = self._drained(topic).newest
@@ -197,7 +201,29 @@ class ZenohBus:
         return messages
 
     def age_s(self, topic: Topic[Any]) -> float:
-        return max(0.0, self._clock.now_s() - self._drained(topic).arrived_s)
+        return max(0.0, self._clock.step_s() - self._drained(topic).arrived_s)
+
+    def await_messages(self, expected: Announcements, stop: threading.Event) -> None:
+        """Waits for what was announced on the topics that this process reads; what is lost holds it for LOST_S."""
+        marks = expected.take()
+        deadline_s = time.monotonic() + LOST_S
+        while not stop.is_set():
+            self._arrival.clear()
+            missing = [mark for mark in zip(*marks, strict=True) if self._on_its_way(*mark)]
+            if not missing:
+                return
+            if time.monotonic() > deadline_s:
+                _log.info("announced messages were lost topics=%s", [key for key, _, _ in missing])
+                return
+            self._arrival.wait(0.05)
+
+    def _on_its_way(self, key: str, boot_id: int, sequence: int) -> bool:
+        inbox = self._inboxes.get(key)
+        if inbox is None:
+            return False
+        # The first message of a sender may be older than the subscription: nobody waits for that one
+        known = self._drained(inbox.topic).sequences.get(boot_id)
+        return known is not None and known < sequence
 
     def listen(self, topic: Topic[P], handler: Callable[[P], None]) -> None:
         """Hands every message to `handler` on Zenoh's thread, for the shared clock: it must only store."""
@@ -254,6 +280,7 @@ class ZenohBus:
             arrival = (self._clock.now_s(), bytes(sample.payload))
             with inbox.lock:
                 inbox.pending.append(arrival)
+            self._arrival.set()
 
         inbox.subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(store))
         self._inboxes[topic.key] = inbox
@@ -285,7 +312,7 @@ class ZenohBus:
                 with inbox.lock:
                     inbox.pending = deque([*live[i:], *inbox.pending], maxlen=QUEUE_LENGTH)
                 return inbox
-            self._accept(inbox, arrived_s, envelope)
+            self._accept(inbox, self._clock.arrival_s(arrived_s), envelope)
         return inbox
 
     def _unpacked(self, topic: Topic[Any], pack: bytes) -> list[bytes]:

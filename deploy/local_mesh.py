@@ -7,31 +7,35 @@ record) in its `process` folder.
 from __future__ import annotations
 
 import importlib.util
+import json
 import logging
 import signal
 import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from common.clock import FreeClock
 from common.config import BridgeSection, Config, MeshSection, config_text
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, PlannerView
+from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
 from deploy.process_table import PROCESSES, ProcessSpec
 from deploy.supervisor import ProcessFailed, Supervisor
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
-from offboard.tools.summary import RunFacts, write_summary
+from offboard.tools.summary import RunFacts, StepTimes, write_summary
 
 SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0
 RECORDER_TIMEOUT_S = 30.0
 _POLL_S = 0.1
+_START_POLL_S = 0.02
 _PROGRESS_PERIOD_S = 5.0
 _START_PERIOD_S = 0.5
 _WAITING = "WAITING"  # the planner's mode before a start
@@ -102,7 +106,7 @@ class LocalRun:
         self._stop = stop
         self._work = folder / "process"
         self._serial = self._work / "serial"
-        for left_over in (self._serial, self._work / "stop_latch.json"):
+        for left_over in (self._serial, self._work / "stop_latch.json", *self._work.glob(f"*{STEPS_SUFFIX}")):
             left_over.unlink(missing_ok=True)
         endpoint = free_endpoint() if options.headless else usual_endpoint()
         self._config = Config(
@@ -115,22 +119,28 @@ class LocalRun:
         self._bus: ZenohBus | None = None
         self._started_wall_s = time.monotonic()
         self._began_s: float | None = None  # on the mission's clock
+        self._person_halted = False  # stopped or paused, and nobody has said since that the robot may go on
 
     def run(self) -> int:
+        print(f"Starting the robot on the floor {self._options.floor.stem}; run folder {self._folder}", flush=True)
         self._start_processes()
         self._bus = bus = ZenohBus("command_center", self._config, FreeClock())
         bus.latest(PLAN)
         self._await_ready(bus)
         self._supervisor.settled = True
-        print(f"All modules are ready; run folder {self._folder}", flush=True)
+        print("All modules are ready.", flush=True)
         if self._options.headless:
             self._start_mission(bus)
         else:
             print(f"Start the mission with: indoor-mapping start --config {self._config_file}", flush=True)
-        view = self._await_finish(bus)
-        print("The mission is finished.", flush=True)
-        self._end_in_order()
-        self._summarise(view)
+        try:
+            self._await_finish(bus)
+        finally:
+            # What was mapped until a person, or a fault, ended the run is worth its summary too
+            view = bus.latest(PLAN)
+            self._end_in_order()
+            if view is not None and self._began_s is not None:
+                self._summarise(view)
         return 0
 
     def close(self) -> None:
@@ -141,12 +151,12 @@ class LocalRun:
         self._supervisor.end_all(END_TIMEOUT_S)
 
     def _start_processes(self) -> None:
-        for spec in PROCESSES:
-            if not spec.local:
-                continue
+        """All at once, but for the bridge: a port that is not there yet would cost it a whole second."""
+        *others, bridge = sorted((s for s in PROCESSES if s.local), key=lambda s: s.name == "bridge")
+        for spec in others:
             self._supervisor.start(spec.name, spec.module, self._arguments(spec), restart=spec.name != "simulator")
-            if spec.name == "simulator":
-                self._until(self._serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
+        self._until(self._serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
+        self._supervisor.start(bridge.name, bridge.module, self._arguments(bridge))
 
     def _arguments(self, spec: ProcessSpec) -> list[str]:
         options = self._options
@@ -170,7 +180,7 @@ class LocalRun:
             self._supervisor.check()
             if time.monotonic() > deadline_s:
                 raise ProcessFailed(complaint(), 1)
-            if self._stop.wait(_POLL_S):
+            if self._stop.wait(_START_POLL_S):
                 raise Interrupted
 
     def _await_ready(self, bus: ZenohBus) -> None:
@@ -202,7 +212,7 @@ class LocalRun:
         self._until(started, STARTUP_GRACE_S, lambda: "The planner did not take the start command.")
         print("The mission has started.", flush=True)
 
-    def _await_finish(self, bus: ZenohBus) -> PlannerView:
+    def _await_finish(self, bus: ZenohBus) -> None:
         next_s = time.monotonic() + _PROGRESS_PERIOD_S
         while True:
             self._supervisor.check()
@@ -210,13 +220,26 @@ class LocalRun:
             if view is not None:
                 if self._began_s is None and view.mode != _WAITING:
                     self._began_s = view.t_s
+                if self._options.headless:
+                    self._start_again(bus, view)
                 if view.finished:
-                    return view
+                    print("The mission is finished.", flush=True)
+                    return
                 if time.monotonic() >= next_s and self._began_s is not None:
                     next_s = time.monotonic() + _PROGRESS_PERIOD_S
                     self._print_progress(bus, view, view.t_s - self._began_s)
             if self._stop.wait(_POLL_S):
                 raise Interrupted
+
+    def _start_again(self, bus: ZenohBus, view: PlannerView) -> None:
+        """A planner that had to be restarted waits for a start; whom a person halted, a person sets going."""
+        permit = bus.latest(PERMIT)
+        for command in bus.take(OPERATION):
+            self._person_halted = command.operation is Operation.PAUSE
+        if permit is not None and permit.stop_sources:
+            self._person_halted = True
+        if view.mode == _WAITING and permit is not None and permit.granted and not self._person_halted:
+            bus.publish(OPERATION, OperatorCommand(time.monotonic(), Operation.START))
 
     @staticmethod
     def _print_progress(bus: ZenohBus, view: PlannerView, mission_s: float) -> None:
@@ -242,11 +265,37 @@ class LocalRun:
             seed=options.seed,
             start=options.start,
             options=options.as_dict(),
-            finished=True,
-            reason=view.detail,
+            finished=view.finished,
+            reason=view.detail if view.finished else f"ended while {view.detail}",
             simulated_time_s=round(view.t_s - (self._began_s or view.t_s), 3),
             wall_time_s=round(time.monotonic() - self._started_wall_s, 3),
-            steps={},
+            steps=read_steps(self._work),
         )
-        with suppress(OSError):
-            write_summary(self._folder, facts, floor_json(options))
+        try:
+            summary = write_summary(self._folder, facts, floor_json(options))
+        except OSError as error:
+            raise ProcessFailed(f"The summary cannot be written to {self._folder}: {error.strerror}.", 1) from error
+        print(closing_line(summary, self._folder), flush=True)
+
+
+def read_steps(folder: Path) -> dict[str, StepTimes]:
+    """What each process said at its end of how long its steps took; who was killed said nothing."""
+    steps = {}
+    for file in sorted(folder.glob(f"*{STEPS_SUFFIX}")):
+        with suppress(OSError, ValueError, KeyError):
+            figures = json.loads(file.read_text(encoding="utf-8"))
+            times = StepTimes(figures["mean_ms"], figures["p99_ms"], figures["max_ms"])
+            steps[file.name.removesuffix(STEPS_SUFFIX)] = times
+    return steps
+
+
+def closing_line(summary: Mapping[str, Any], folder: Path) -> str:
+    """The figures that people look at first, and where the rest stands."""
+    simulated_s, wall_s = summary["simulated_time_s"], summary["wall_time_s"]
+    figures = [
+        f"{name} {summary[name]:.3f}"
+        for name in ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m")
+        if isinstance(summary.get(name), float)
+    ]
+    times = f"{simulated_s:.0f} s of mission in {wall_s:.0f} s"
+    return f"{', '.join([times, *figures])}\nRun folder {folder}"

@@ -113,9 +113,9 @@ class Supervisor:
         lived_s = time.monotonic() - child.started_s
         child.process, child.died_s = None, time.monotonic()
         child.short_lives = child.short_lives + 1 if lived_s < SHORT_LIFE_S else 0
-        _log.warning("process died name=%s exit=%d lived_s=%.1f", child.name, code, lived_s)
         if code == 2 and not self.settled:
             raise ProcessFailed(child.last_words(), 2)
+        _log.warning("process died name=%s exit=%d lived_s=%.1f", child.name, code, lived_s)
         if not child.restart or child.short_lives > SHORT_LIVES_MAX:
             raise ProcessFailed(f"{child.name} ended with exit code {code}; its log is in {self.log_dir}.", 1)
 

@@ -1,7 +1,8 @@
 """Process "simulator": building, body and board in real time or as the one that leads the shared clock.
 
 Steps the world up to `now_s`; its serial port is a device file beside robot.toml. Writes `truth.tum`, on the clock that
-all processes of the run share. Nothing goes over the bus: the modules must not know what is true.
+all processes of the run share, and `motors.csv` beside its log: when the motors began and ceased to turn. Nothing goes
+over the bus: the modules must not know what is true.
 """
 
 from __future__ import annotations
@@ -20,17 +21,37 @@ from offboard.simulator.options import RunOptions, load_world
 from offboard.simulator.simulation import Simulation
 
 WRITE_PERIOD_S = 5.0
+MOTORS_NAME = "motors.csv"
 SLIP_S = 0.25  # a world that is later than this lets real time go instead of hurrying after it
 
 _log = logging.getLogger("simulator")
+
+
+class MotorLog:
+    """`t_s,pwm_left,pwm_right,enabled`, a line whenever a motor begins or ceases to turn or the driver is switched."""
+
+    def __init__(self, file: Path) -> None:
+        file.write_text("t_s,pwm_left,pwm_right,enabled\n", encoding="utf-8")
+        self._lines = LineFile(file)
+        self._was: tuple[bool, bool, bool] | None = None
+
+    def note(self, now_s: float, pwm_left: int, pwm_right: int, enabled: bool) -> None:
+        turning = (pwm_left != 0, pwm_right != 0, enabled)
+        if turning != self._was:
+            self._was = turning
+            self._lines.append([f"{now_s:.3f},{pwm_left},{pwm_right},{int(enabled)}"])
+
+    def close(self) -> None:
+        self._lines.close()
 
 
 class SimulatorNode:
     name = "simulator"
     period_s = 0.01
 
-    def __init__(self, simulation: Simulation, truth_file: Path | None) -> None:
+    def __init__(self, simulation: Simulation, truth_file: Path | None, motor_file: Path | None = None) -> None:
         self._simulation = simulation
+        self._motors = MotorLog(motor_file) if motor_file is not None else None
         self._truth = LineFile(truth_file) if truth_file is not None else None
         self._written = 0
         self._write_due_s = 0.0
@@ -45,14 +66,17 @@ class SimulatorNode:
             self._power_on_s += behind_s - self.period_s
             _log.warning("the world is too slow for real time slipped_s=%.3f", behind_s)
         self._simulation.advance(now_s - self._power_on_s)
+        if self._motors is not None:
+            self._motors.note(now_s, *world.board.outputs())
         if world.time_s >= self._write_due_s:
             self._write_due_s = world.time_s + WRITE_PERIOD_S
             self._write()
 
     def close(self) -> None:
         self._write()
-        if self._truth is not None:
-            self._truth.close()
+        for file in (self._truth, self._motors):
+            if file is not None:
+                file.close()
         self._simulation.close()
 
     def _write(self) -> None:
@@ -101,4 +125,10 @@ def make_simulator(config: Config, arguments: argparse.Namespace) -> SimulatorNo
         events=events,
         pty_link=Path(config.bridge.serial_port),
     )
-    return SimulatorNode(simulation, arguments.run_dir / TRUTH_NAME if arguments.run_dir is not None else None)
+    run_dir: Path | None = arguments.run_dir
+    log_dir: Path | None = arguments.log_dir
+    return SimulatorNode(
+        simulation,
+        run_dir / TRUTH_NAME if run_dir is not None else None,
+        log_dir / MOTORS_NAME if log_dir is not None else None,
+    )

@@ -90,8 +90,8 @@ def map_figures(points_m: Points, walls: Points) -> Figures:
     """Distance of the map points (N, 2) from the walls, and the share of the walls that has one near."""
     if not len(points_m):
         return {"map_rmse_m": None, "map_p95_m": None, "map_points": 0, "coverage": 0.0}
-    distance_m = cKDTree(walls).query(points_m)[0]
-    near = cKDTree(points_m).query(walls)[0] < COVERED_M
+    distance_m = np.asarray(cKDTree(walls).query(points_m)[0], dtype=np.float64)
+    near = np.asarray(cKDTree(points_m).query(walls)[0], dtype=np.float64) < COVERED_M
     return {
         "map_rmse_m": _rms(distance_m),
         "map_p95_m": float(np.percentile(distance_m, 95)),

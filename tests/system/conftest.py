@@ -127,6 +127,28 @@ def run_cli(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]
     )
 
 
+def running(pid: int) -> bool:
+    """Whether a process runs; one that has ended and was not yet collected does not."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
+
+
+def children_of(run_dir: Path) -> dict[str, int]:
+    """The processes of a run by the name of their module, found by the run folder in their arguments."""
+    found: dict[str, int] = {}
+    for folder in Path("/proc").iterdir():
+        try:
+            arguments = (folder / "cmdline").read_bytes().decode().split("\0") if folder.name.isdigit() else []
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if str(run_dir / "process" / "robot.toml") in arguments and "-m" in arguments and running(int(folder.name)):
+            found[arguments[arguments.index("-m") + 1].split(".")[1]] = int(folder.name)
+    return found
+
+
 @pytest.fixture
 def mesh(tmp_path: Path) -> Iterator[Mesh]:
     made = Mesh(tmp_path)

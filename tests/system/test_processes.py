@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from common.config import MeshSection
-from tests.system.conftest import ROOT, Mesh, environment, free_endpoint, run_cli, until
+from offboard.simulator.options import FLOORS
+from tests.system.conftest import ROOT, Mesh, children_of, environment, free_endpoint, run_cli, running, until
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -34,6 +38,7 @@ def test_an_unknown_key_is_one_sentence_and_exit_code_2(tmp_path: Path) -> None:
     config.write_text("[mesh]\nruoter = 'x'\n", encoding="utf-8")
     result = run_cli("node", "comm", "--config", str(config))
     assert result.returncode == 2
+    assert "robot.toml" in result.stderr
     assert "mesh.ruoter is not known" in result.stderr
     assert one_sentence(result.stderr)
 
@@ -61,6 +66,47 @@ def test_bad_input_is_one_sentence_and_exit_code_2(arguments: tuple[str, ...], s
     assert result.returncode == 2
     assert said in result.stderr
     assert one_sentence(result.stderr)
+
+
+def changed_floor(change: Callable[[dict[str, Any]], object]) -> str:
+    """The project's own floor with something done to it."""
+    floor: dict[str, Any] = json.loads((FLOORS / "straight.json").read_text(encoding="utf-8"))
+    change(floor)
+    return json.dumps(floor)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (changed_floor(lambda floor: floor["corridor"].update(exterior=[[0, 4], [24, 4]])), "corridor.exterior"),
+        (changed_floor(lambda floor: floor["doors"][0].update(y_m=5.0)), "doors[0]"),
+        (changed_floor(lambda floor: floor["doors"][0].pop("width_m")), "doors[0].width_m"),
+        ('{"name": ', "not JSON"),
+    ],
+    ids=["open polygon", "door off the wall", "missing key", "not JSON"],
+)
+@pytest.mark.parametrize("verb", ["local", "simulate"])
+def test_a_bad_floor_is_one_sentence_with_file_and_key_and_starts_nothing(
+    tmp_path: Path, verb: str, text: str, key: str
+) -> None:
+    floor = tmp_path / "mine.json"
+    floor.write_text(text, encoding="utf-8")
+    result = run_cli(verb, "--floor", str(floor), "--out", str(tmp_path / "run"))
+    assert result.returncode == 2
+    assert "mine.json" in result.stderr
+    assert key in result.stderr
+    assert one_sentence(result.stderr)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.json"]
+
+
+def test_a_process_that_cannot_begin_ends_local_with_its_sentence_and_leaves_none_behind(tmp_path: Path) -> None:
+    # The simulator finds a folder where its log of the motors is to be
+    (tmp_path / "run" / "process" / "motors.csv").mkdir(parents=True)
+    result = run_cli("local", "--floor", "straight", "--headless", "--out", str(tmp_path / "run"))
+    assert result.returncode == 2
+    assert "motors.csv" in result.stderr
+    assert one_sentence(result.stderr)
+    assert children_of(tmp_path / "run") == {}
 
 
 def test_a_verb_without_a_mesh_says_so(tmp_path: Path) -> None:
@@ -128,12 +174,3 @@ def test_children_end_with_the_process_that_started_them(tmp_path: Path) -> None
         until(lambda: log.exists() and "started" in log.read_text(encoding="utf-8"))
         process.kill()
         until(lambda: not running(child), 5.0, "the end of the child")
-
-
-def running(pid: int) -> bool:
-    """Whether a process runs; one that has ended and was not yet collected does not."""
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0]
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-    return state != "Z"

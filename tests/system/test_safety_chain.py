@@ -58,25 +58,6 @@ def test_robot_stands_when_comm_dies_or_freezes_and_its_neighbours_stay_joined(
     assert mesh.standing
 
 
-@pytest.mark.requirement("CC_MR_04")
-def test_stop_latches_and_release_alone_starts_no_motion(mesh: Mesh) -> None:
-    mesh.start_all()
-    drive(mesh)
-    stop = mesh.command("estop")
-    assert stop.returncode == 0, stop.stderr
-    assert mesh.standing
-    assert mesh.permits[-1][1].stop_sources == ("operator",)
-    mesh.bus.publish(OPERATION, OperatorCommand(0.0, Operation.RESUME))
-    release = mesh.command("release")
-    assert release.returncode == 0, release.stderr
-    until(lambda: mesh.granted, what="the permit after the release")
-    count = len(mesh.permits)
-    until(lambda: len(mesh.permits) > count + 10, what="a second of permits")
-    assert mesh.standing
-    assert mesh.command("resume").returncode == 0
-    until(lambda: not mesh.standing, what="motion after resume")
-
-
 def test_stop_outlives_a_restart_of_comm(mesh: Mesh) -> None:
     mesh.start_all()
     assert mesh.command("estop").returncode == 0

@@ -23,7 +23,13 @@ def ticks(mesh: Mesh) -> list[tuple[float, ClockTick]]:
     heard: list[tuple[float, ClockTick]] = []
     for name in ("comm", "simulator", "bridge", "mmu", "planner"):
         mesh.start(name, extra=SHARED)
-    mesh.bus.listen(CLOCK, lambda tick: heard.append((time.monotonic(), tick)))
+
+    def hear(tick: ClockTick) -> None:
+        # One that holds the clock may have missed the last tick: it is said again
+        if not heard or tick.t_s > heard[-1][1].t_s:
+            heard.append((time.monotonic(), tick))
+
+    mesh.bus.listen(CLOCK, hear)
     until(lambda: mesh.granted, 20.0, "a permit")
     return heard
 
@@ -56,4 +62,4 @@ def test_a_frozen_process_holds_the_clock_for_a_second_at_most(
 def test_a_dead_process_does_not_stop_the_clock(mesh: Mesh, ticks: list[tuple[float, ClockTick]]) -> None:
     killed_s = mesh.signal("planner", signal.SIGKILL)
     until(lambda: ticks[-1][0] > killed_s + 0.9 * SILENT_S, what="the clock after the death")
-    assert not mesh.granted
+    mesh.revoked_after(killed_s)

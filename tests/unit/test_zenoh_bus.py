@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Literal
@@ -11,11 +12,24 @@ import numpy as np
 import pytest
 import zenoh
 
-from common.clock import FreeClock
+from common.clock import Announcements, FreeClock
 from common.config import Config, MeshSection
 from common.errors import StartError
-from common.messages import GRID, MAP, PERMIT, POSE, STATUS, STOP, GridUpdate, MapUpdate, Permit, Status, StopRequest
-from common.zenoh_bus import ZenohBus, session_config
+from common.messages import (
+    GRID,
+    MAP,
+    PERMIT,
+    POSE,
+    STATUS,
+    STOP,
+    GridUpdate,
+    MapUpdate,
+    Permit,
+    PoseEstimate,
+    Status,
+    StopRequest,
+)
+from common.zenoh_bus import LOST_S, ZenohBus, session_config
 
 pytestmark = pytest.mark.timeout(30)
 
@@ -57,6 +71,10 @@ def open_bus(config: Config) -> Iterator[Open]:
 
 def status(beats: int) -> Status:
     return Status(0.0, "RUN", 0, 1, True, beats)
+
+
+def pose() -> PoseEstimate:
+    return PoseEstimate(0.0, 1.0, 2.0, 0.0, 0.0, 0.1, 0.1, 1)
 
 
 def wall(start: int, count: int, revision: int = 1) -> MapUpdate:
@@ -246,3 +264,26 @@ def test_bytes_that_are_no_message_are_counted_and_do_not_look_fresh(open_bus: O
 
         until(counted)
     assert planner.age_s(POSE) == float("inf")
+
+
+def test_what_was_announced_is_waited_for_and_what_is_lost_is_not_waited_for_long(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("planner")
+    sender.announced, expected = Announcements(), Announcements()
+
+    def linked() -> bool:
+        sender.publish(STATUS["mmu"], status(0))
+        return receiver.latest(STATUS["mmu"]) is not None
+
+    until(linked)
+    for beats in range(1, 50):
+        sender.publish(STATUS["mmu"], status(beats))
+        sender.publish(POSE, pose())
+        expected.merge(sender.announced.take())
+        receiver.await_messages(expected, threading.Event())
+        assert receiver._inboxes[STATUS["mmu"].key].newest == status(beats)
+    boot_id = next(iter(receiver._inboxes[STATUS["mmu"].key].sequences))
+    expected.note(STATUS["mmu"].key, boot_id, 1_000_000)
+    began_s = time.monotonic()
+    receiver.await_messages(expected, threading.Event())
+    assert time.monotonic() - began_s < LOST_S + 0.5

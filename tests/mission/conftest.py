@@ -1,0 +1,67 @@
+"""Small floors, and the whole robot on them in lockstep: world, firmware, bridge, mapping unit, planner, comm."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.errors import StartError
+from offboard.simulator.lockstep import Lockstep, build
+from offboard.simulator.options import RunOptions
+from tests.mission.story import Story
+
+Ring = list[list[float]]
+
+
+def floor_file(folder: Path, name: str, exterior: Ring, holes: list[Ring], start: tuple[float, float]) -> Path:
+    """A floor of bare walls; the robot starts along x."""
+    path = folder / f"{name}.json"
+    content = {
+        "name": name,
+        "units": "m",
+        "wall_colour_rgb": [230, 225, 210],
+        "corridor": {"exterior": exterior, "holes": holes},
+        "doors": [],
+        "posters": [],
+        "starts": [{"x_m": start[0], "y_m": start[1], "heading_deg": 0}],
+    }
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> Ring:
+    return [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
+
+
+@pytest.fixture(scope="session")
+def island(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A hall 1.8 m wide round an island."""
+    folder = tmp_path_factory.mktemp("floors")
+    return floor_file(folder, "island", box(0, 0, 8, 6), [box(1.8, 1.8, 6.2, 4.2)], (3.0, 0.9))
+
+
+@pytest.fixture(scope="session")
+def hall(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A hall that is closed at both ends."""
+    return floor_file(tmp_path_factory.mktemp("floors"), "hall", box(0, 0, 10, 1.6), [], (1.0, 0.8))
+
+
+@pytest.fixture
+def tell() -> Iterator[Callable[..., Story]]:
+    """`tell(floor, seed=1, events=...)` powers a robot on."""
+    robots: list[Lockstep] = []
+
+    def power_on(floor: Path, **options: Any) -> Story:
+        try:
+            robots.append(build(RunOptions(floor, **options)))
+        except StartError as error:
+            pytest.skip(str(error))
+        return Story(robots[-1])
+
+    yield power_on
+    for robot in robots:
+        robot.close()

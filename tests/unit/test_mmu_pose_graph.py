@@ -1,0 +1,113 @@
+"""The pose graph at rest: loops close, a wrong closure is outvoted, the first node stays."""
+
+from __future__ import annotations
+
+from math import pi, radians
+
+import numpy as np
+import pytest
+
+from common.geometry import FloatArray, Pose2, wrap_angle
+from onboard.mmu.pose_graph import Edge, PoseGraph
+
+STEP_M = 0.4
+SIDE = 12  # steps per side of the square
+ODOMETRY = np.diag([0.02**-2, 0.02**-2, radians(1.0) ** -2])
+CLOSURE = np.diag([0.07**-2, 0.07**-2, radians(0.6) ** -2])
+DRIFT_RAD = radians(0.25)  # per step: 12 degrees round the square
+
+
+def square(drift_rad: float = DRIFT_RAD) -> tuple[PoseGraph, list[Pose2]]:
+    """The graph of one round with a heading that drifts, and the true poses."""
+    graph, truth = PoseGraph(), [Pose2(0.0, 0.0, 0.0)]
+    graph.add_node(truth[0])
+    for i in range(4 * SIDE):
+        step = Pose2(STEP_M, 0.0, pi / 2 if i % SIDE == SIDE - 1 else 0.0)
+        truth.append(truth[-1].compose(step))
+        drifted = Pose2(step.x_m, step.y_m, step.heading_rad + drift_rad)
+        node = graph.add_node(graph.pose(i).compose(drifted))
+        graph.edges.append(Edge(i, node, drifted, ODOMETRY, closure=False))
+    return graph, truth
+
+
+def close(graph: PoseGraph, truth: list[Pose2], first: int, second: int) -> None:
+    graph.edges.append(Edge(first, second, truth[first].between(truth[second]), CLOSURE, closure=True))
+
+
+def worst_m(poses: FloatArray, truth: list[Pose2]) -> float:
+    true = np.array([p.as_array() for p in truth])
+    return float(np.hypot(*(poses - true)[:, :2].T).max())
+
+
+@pytest.mark.requirement("MMU_MR_03")
+def test_a_square_that_drifted_closes() -> None:
+    graph, truth = square()
+    before_m = worst_m(graph.poses, truth)
+    assert before_m > 0.5
+    close(graph, truth, 0, 4 * SIDE)
+    strain_before = graph.strain(len(graph.edges) - 1)
+    assert strain_before > 10.0
+    moved_m = graph.optimise()
+    assert moved_m > 0.5
+    assert worst_m(graph.poses, truth) < 0.3 * before_m
+    end = graph.pose(4 * SIDE)
+    assert np.hypot(end.x_m, end.y_m) < 0.1
+    assert abs(wrap_angle(end.heading_rad)) < radians(2.0)
+    assert graph.strain(len(graph.edges) - 1) < 0.1 * strain_before
+
+
+def test_first_node_is_held() -> None:
+    graph, truth = square()
+    close(graph, truth, 0, 4 * SIDE)
+    graph.optimise()
+    assert graph.poses[0] == pytest.approx([0.0, 0.0, 0.0])
+
+
+def test_one_wrong_closure_is_outvoted() -> None:
+    graph, truth = square()
+    for back in range(5):
+        close(graph, truth, back, 4 * SIDE - back)
+    good, _ = square()
+    good.edges = list(graph.edges)
+    good.optimise()
+    # One side of the square is said to be the opposite one: 4.8 m off
+    graph.edges.append(Edge(SIDE // 2, 5 * SIDE // 2, Pose2(0.0, 0.0, pi), CLOSURE, closure=True))
+    graph.optimise()
+    assert worst_m(graph.poses, truth) < worst_m(good.poses, truth) + 0.15
+
+
+def test_a_graph_at_rest_stays_and_does_not_care_how_often_it_is_asked() -> None:
+    graph, truth = square()
+    close(graph, truth, 0, 4 * SIDE)
+    graph.optimise()
+    graph.optimise()
+    assert graph.optimise() < 1e-3
+    assert len(graph) == 4 * SIDE + 1
+
+
+def test_headings_stay_within_half_a_turn() -> None:
+    graph, truth = square()
+    close(graph, truth, 0, 4 * SIDE)
+    graph.optimise()
+    assert np.abs(graph.poses[:, 2]).max() <= pi
+
+
+def test_a_tie_that_knows_one_direction_only_does_not_make_the_graph_singular() -> None:
+    graph, truth = square(drift_rad=0.0)
+    across = np.zeros((3, 3))
+    across[1, 1] = 0.1**-2
+    graph.edges.append(Edge(0, SIDE - 1, Pose2(99.0, 0.2, 0.0), across, closure=True))
+    graph.optimise()
+    poses = graph.poses
+    assert np.isfinite(poses).all()
+    assert poses[SIDE - 1, 0] == pytest.approx(truth[SIDE - 1].x_m, abs=0.05)
+    assert 0.0 < poses[SIDE - 1, 1] < 0.2
+
+
+@pytest.mark.parametrize("nodes", [0, 1, 2])
+def test_a_graph_without_edges_is_at_rest(nodes: int) -> None:
+    graph = PoseGraph()
+    for i in range(nodes):
+        graph.add_node(Pose2(float(i), 0.0, 0.0))
+    assert graph.optimise() == 0.0
+    assert graph.poses.shape == (nodes, 3)

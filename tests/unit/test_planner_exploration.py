@@ -1,0 +1,150 @@
+"""What is still to be seen, read off small grids."""
+
+from __future__ import annotations
+
+from math import pi, radians
+
+import numpy as np
+import pytest
+
+from common.geometry import Pose2
+from onboard.planner.exploration import (
+    STRAIGHT_MAX_M,
+    Exploration,
+    Frontier,
+    groups,
+    hall_direction_rad,
+    opening_on_the_right,
+    something_ahead,
+    straight_reach_m,
+    unknown_direction_rad,
+)
+from onboard.planner.grid_map import GridMap
+from tests.unit.test_planner_grid_map import drawn, hall
+
+EAST = 0.0
+
+
+def frontier_of(grid: GridMap) -> Frontier:
+    return Exploration().frontier(grid, np.zeros(grid.cells.shape, dtype=bool))
+
+
+def junction(opening_m: float = 2.0) -> GridMap:
+    """A hall along x, closed at both ends, with an opening to the south at x = 4 that nobody has looked into."""
+    x0, x1 = 4.0 - opening_m / 2, 4.0 + opening_m / 2
+    return drawn(
+        [(1.0, 2.0, 9.0, 4.0), (x0, 1.5, x1, 2.0)],
+        [
+            (1.0, 4.0, 9.0, 4.1),
+            (1.0, 1.9, x0, 2.0),
+            (x1, 1.9, 9.0, 2.0),
+            (x0 - 0.1, 1.5, x0, 2.0),
+            (x1, 1.5, x1 + 0.1, 2.0),
+            (0.9, 1.9, 1.0, 4.1),
+            (9.0, 1.9, 9.1, 4.1),
+        ],
+    )
+
+
+@pytest.mark.requirement("PLN_MR_01")
+def test_every_unseen_end_is_one_group_with_its_middle() -> None:
+    grid = drawn([(1.0, 2.0, 9.0, 4.0)], [(1.0, 1.9, 9.0, 2.0), (1.0, 4.0, 9.0, 4.1)])
+    found = sorted(groups(grid, frontier_of(grid)), key=lambda group: group.x_m)
+    assert [group.x_m for group in found] == pytest.approx([1.05, 8.95])
+    assert [group.y_m for group in found] == pytest.approx([3.0, 3.0], abs=0.05)
+
+
+def test_a_closed_floor_has_no_group() -> None:
+    grid = hall()
+    assert groups(grid, frontier_of(grid)) == []
+
+
+def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> None:
+    grid = drawn([(1.0, 2.0, 9.0, 4.0)], [(1.0, 1.9, 9.0, 2.0), (1.0, 4.0, 9.0, 4.1)])
+    exploration = Exploration()
+    for y_m in (2.5, 3.0, 3.5):
+        exploration.give_up(8.9, y_m)
+    left = groups(grid, exploration.frontier(grid, np.zeros(grid.cells.shape, dtype=bool)))
+    assert [group.x_m for group in left] == pytest.approx([1.05])
+
+
+def test_what_is_blocked_is_no_frontier() -> None:
+    grid = hall(closed=False)
+    assert len(frontier_of(grid).cells)
+    assert not len(Exploration().frontier(grid, np.ones(grid.cells.shape, dtype=bool)).cells)
+
+
+def test_straight_on_ends_before_the_wall() -> None:
+    grid = hall(length_m=5.0)
+    assert straight_reach_m(grid, Pose2(2.0, 2.0, 0.0), EAST) == pytest.approx(3.7, abs=0.25)
+    assert straight_reach_m(grid, Pose2(2.0, 2.0, 0.0), pi / 2) < 0.9
+
+
+def test_straight_on_unknown_floor_counts_as_open_and_blocked_cells_do_not() -> None:
+    grid = hall(length_m=2.0, closed=False)
+    pose = Pose2(2.0, 2.0, 0.0)
+    assert straight_reach_m(grid, pose, EAST) == STRAIGHT_MAX_M
+    blocked = np.zeros(grid.cells.shape, dtype=bool)
+    blocked[:, 26:29] = True
+    assert straight_reach_m(grid, pose, EAST, blocked) == pytest.approx(0.6, abs=0.15)
+
+
+def test_an_unseen_end_lies_ahead_and_a_seen_one_does_not() -> None:
+    grid = hall(length_m=5.0, closed=False)
+    assert something_ahead(grid, frontier_of(grid), Pose2(2.0, 2.0, 0.0), EAST, 6.0)
+    assert not something_ahead(grid, frontier_of(grid), Pose2(2.0, 2.0, pi), pi, 0.6)
+    closed = hall(length_m=5.0)
+    assert not something_ahead(closed, frontier_of(closed), Pose2(2.0, 2.0, 0.0), EAST, 4.0)
+
+
+def test_nothing_lies_ahead_when_there_is_no_room_to_go() -> None:
+    grid = hall(length_m=5.0, closed=False)
+    assert not something_ahead(grid, frontier_of(grid), Pose2(2.0, 2.0, 0.0), EAST, 0.2)
+
+
+@pytest.mark.requirement("PLN_MR_01")
+def test_an_opening_on_the_right_is_found_once_it_was_passed() -> None:
+    grid = junction()
+    frontier = frontier_of(grid)
+    assert opening_on_the_right(grid, frontier, Pose2(2.0, 3.0, 0.0), EAST) is None, "not there yet"
+    cells = opening_on_the_right(grid, frontier, Pose2(5.5, 3.0, 0.0), EAST)
+    assert cells is not None
+    centres = grid.centres(cells)
+    assert (np.abs(centres[:, 0] - 4.0) < 1.0).all()
+    assert (centres[:, 1] < 2.0).all()
+
+
+def test_an_opening_on_the_left_or_a_slit_is_none_on_the_right() -> None:
+    grid = junction()
+    assert opening_on_the_right(grid, frontier_of(grid), Pose2(2.5, 3.0, pi), pi) is None
+    slit = junction(opening_m=0.3)
+    assert opening_on_the_right(slit, frontier_of(slit), Pose2(5.5, 3.0, 0.0), EAST) is None
+
+
+def test_a_closed_hall_has_no_opening() -> None:
+    grid = hall()
+    assert opening_on_the_right(grid, frontier_of(grid), Pose2(5.0, 2.0, 0.0), EAST) is None
+
+
+def test_at_an_unseen_end_the_unknown_floor_lies_ahead() -> None:
+    grid = hall(length_m=5.0, closed=False)
+    assert unknown_direction_rad(grid, 5.8, 2.0, fallback_rad=2.0) == pytest.approx(0.0, abs=radians(20.0))
+
+
+def test_where_all_is_known_the_direction_falls_back() -> None:
+    grid = drawn([(0.0, 0.0, 10.0, 6.0)])
+    assert unknown_direction_rad(grid, 5.0, 3.0, fallback_rad=1.25) == 1.25
+
+
+@pytest.mark.parametrize("bend_deg", [0.0, 6.0, -8.0])
+@pytest.mark.parametrize("side_m", [-1.0, 1.0])
+def test_the_hall_runs_as_its_wall_does(bend_deg: float, side_m: float) -> None:
+    along = np.arange(-2.5, 0.8, 0.05)
+    wall = Pose2(0.0, 0.0, radians(bend_deg)).transform(np.stack([along, np.full_like(along, side_m)], axis=1))
+    direction = hall_direction_rad(wall + np.array([4.0, 2.0]), Pose2(4.0, 2.0, 0.0), EAST)
+    assert direction == pytest.approx(radians(bend_deg), abs=radians(1.0))
+
+
+@pytest.mark.parametrize("points", [np.zeros((0, 2)), np.random.default_rng(2).uniform(-3.0, 3.0, (200, 2))])
+def test_without_a_wall_there_is_no_direction(points: np.ndarray) -> None:
+    assert hall_direction_rad(points, Pose2(0.0, 0.0, 0.0), EAST) is None

@@ -1,0 +1,111 @@
+"""The grid as the Planner reads it; draws the small floors that the Planner's other tests use."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+import pytest
+
+from common.constants import HULL_RADIUS_M
+from common.messages import GridUpdate
+from onboard.planner.grid_map import FREE, UNKNOWN, WALL, GridMap
+
+CELL_M = 0.1
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
+
+
+def drawn(
+    free: list[Box],
+    walls: list[Box] | None = None,
+    size_m: tuple[float, float] = (10.0, 6.0),
+    origin_m: tuple[float, float] = (0.0, 0.0),
+) -> GridMap:
+    """A grid with these boxes free and then these ones wall; the rest is unknown."""
+    cells = np.full((round(size_m[1] / CELL_M), round(size_m[0] / CELL_M)), UNKNOWN, np.uint8)
+    for boxes, value in ((free, FREE), (walls or [], WALL)):
+        for x0, y0, x1, y1 in boxes:
+            rows = slice(round((y0 - origin_m[1]) / CELL_M), round((y1 - origin_m[1]) / CELL_M))
+            cells[rows, round((x0 - origin_m[0]) / CELL_M) : round((x1 - origin_m[0]) / CELL_M)] = value
+    return GridMap(cells, *origin_m, CELL_M)
+
+
+def hall(length_m: float = 8.0, width_m: float = 2.0, closed: bool = True) -> GridMap:
+    """A hall along x from (1, 1), its walls one cell thick; not `closed` = nobody has seen its far end."""
+    x1, y1 = 1.0 + length_m, 1.0 + width_m
+    walls = [(1.0, 0.9, x1, 1.0), (1.0, y1, x1, y1 + 0.1), (0.9, 0.9, 1.0, y1 + 0.1)]
+    if closed:
+        walls.append((x1, 0.9, x1 + 0.1, y1 + 0.1))
+    return drawn([(1.0, 1.0, x1, y1)], walls, (x1 + 1.0, y1 + 1.0))
+
+
+def update_of(grid: GridMap, revision: int = 1, margin: int = 0, t_s: float = 0.0) -> GridUpdate:
+    """The message with this grid, with a margin of unknown cells."""
+    cells = np.pad(grid.cells, margin)
+    return GridUpdate(
+        t_s,
+        revision,
+        grid.origin_x_m - margin * CELL_M,
+        grid.origin_y_m - margin * CELL_M,
+        CELL_M,
+        *cells.shape,
+        zlib.compress(cells.tobytes()),
+    )
+
+
+def test_message_is_read_and_cut_to_what_is_known() -> None:
+    grid = GridMap.from_update(update_of(hall(), margin=50))
+    assert grid.cells.shape[0] < 50
+    assert grid.cells[grid.cell(3.0, 2.0)] == FREE
+    assert grid.cells[grid.cell(3.0, 0.95)] == WALL
+    assert grid.centre(grid.cell(3.05, 2.05)) == pytest.approx((3.05, 2.05))
+
+
+def test_a_message_with_the_wrong_number_of_cells_is_refused() -> None:
+    update = update_of(hall())
+    broken = GridUpdate(0.0, 1, 0.0, 0.0, CELL_M, update.rows + 1, update.columns, update.cells_zlib)
+    with pytest.raises(ValueError, match="reshape"):
+        GridMap.from_update(broken)
+
+
+def test_a_grid_with_nothing_known_has_no_frontier_and_no_area() -> None:
+    grid = GridMap.from_update(update_of(drawn([])))
+    assert not grid.frontier.any()
+    assert grid.area_m2 == 0.0
+
+
+def test_clearance_is_the_distance_to_the_nearest_wall_cell() -> None:
+    grid = hall(width_m=2.0)
+    assert grid.clearance_m[grid.cell(5.0, 1.95)] == pytest.approx(1.0, abs=0.1)
+    assert grid.clearance_m[grid.cell(5.0, 1.25)] == pytest.approx(0.3, abs=0.1)
+    assert grid.clearance_m[grid.cell(8.95, 2.0)] == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_the_hull_stands_nowhere_that_it_would_touch() -> None:
+    grid = hall()
+    standable = np.argwhere(grid.standable)
+    walls = grid.centres(np.argwhere(grid.cells == WALL))
+    for place in grid.centres(standable)[::7]:
+        to_face_m = np.hypot(*(walls - place).T).min() - CELL_M / 2
+        assert to_face_m > HULL_RADIUS_M
+
+
+def test_end_that_nobody_has_seen_is_frontier_and_a_closed_one_is_not() -> None:
+    assert not hall(closed=True).frontier.any()
+    grid = hall(closed=False)
+    frontier = grid.centres(np.argwhere(grid.frontier))
+    assert len(frontier) >= 5
+    assert frontier[:, 0] == pytest.approx([8.95] * len(frontier))
+
+
+def test_sight_ends_at_a_wall() -> None:
+    grid = drawn([(1.0, 1.0, 9.0, 3.0)], [(5.0, 1.0, 5.1, 2.0)])
+    assert not grid.sees((3.0, 1.5), (7.0, 1.5))
+    assert grid.sees((3.0, 2.5), (7.0, 2.5))
+
+
+def test_lines_that_leave_the_grid_stay_inside_the_array() -> None:
+    grid = hall()
+    rows, columns = grid.line((-5.0, -5.0), (50.0, 50.0))
+    assert grid.cells[rows, columns].shape == rows.shape

@@ -1,0 +1,389 @@
+"""The Planner as a node: what it drives on, what makes it stand, and what never sets it in motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan, pi
+
+import numpy as np
+import pytest
+
+from common.bus import LocalMesh
+from common.constants import SONAR_COUNT
+from common.errors import ErrorCode
+from common.geometry import wrap_angle
+from common.messages import (
+    CARRIER,
+    DISTANCES,
+    DRIVE,
+    GRID,
+    MAP,
+    OPERATION,
+    PERMIT,
+    PLAN,
+    POSE,
+    RANGES,
+    STATUS,
+    CarrierReport,
+    CarrierState,
+    Distances,
+    DriveCommand,
+    GridUpdate,
+    MapUpdate,
+    Operation,
+    OperatorCommand,
+    Permit,
+    PoseEstimate,
+    Ranges,
+    Speed,
+)
+from onboard.planner.planner import Planner
+from tests.unit.test_planner_grid_map import drawn, hall, update_of
+
+FAR = (1.0, nan, nan, nan, 1.0)
+SOMETHING_AHEAD = (1.0, nan, 0.25, nan, 1.0)
+
+
+class Robot:
+    """The Planner with everything around it in good order, and nothing that moves: the pose is the test's to set."""
+
+    def __init__(self) -> None:
+        self.mesh = LocalMesh()
+        self.planner = Planner()
+        self.bus = self.mesh.endpoint("planner")
+        self.others = self.mesh.endpoint("others")
+        self.others.take(DRIVE)
+        self.pose: PoseEstimate | None = PoseEstimate(0.0, 2.0, 2.0, 0.0, 0.3, 0.05, 0.01, 0)
+        self.ranges_m: tuple[float, ...] | None = FAR
+        self.permit: Permit | None = Permit(0.0, True, "")
+        self.grid: GridUpdate | None = update_of(hall(length_m=6.0, closed=False))
+        self._ticks = 0
+
+    @property
+    def now_s(self) -> float:
+        return self.mesh.now_s
+
+    def run(self, seconds: float) -> list[DriveCommand]:
+        """Every sender at its rate; the commands that were given meanwhile."""
+        for _ in range(round(seconds / self.planner.period_s)):
+            self._ticks += 1
+            self.mesh.now_s = self._ticks * self.planner.period_s
+            if self._ticks % 10 == 1:
+                self._report()
+            self.planner.step(self.bus, self.now_s)
+        return self.others.take(DRIVE)
+
+    def _report(self) -> None:
+        say, now_s = self.others.publish, self.now_s
+        if self.pose is not None:
+            say(POSE, replace(self.pose, t_s=now_s))
+        if self.ranges_m is not None:
+            say(RANGES, Ranges(now_s, self.ranges_m, (0.0,) * SONAR_COUNT))
+            say(DISTANCES, Distances(now_s, self.ranges_m[0], self.ranges_m[4], self.ranges_m[2]))
+        if self.permit is not None:
+            say(PERMIT, replace(self.permit, t_s=now_s))
+        if self.grid is not None and self._ticks % 100 == 1:
+            self.grid = replace(self.grid, t_s=now_s, revision=self.grid.revision + 1)
+            say(GRID, self.grid)
+        say(CARRIER, CarrierReport(now_s, CarrierState.READY, 0, 0, 0, 0.0, 0, 0, True, False, 12.0))
+
+    def ask(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
+        self.others.publish(OPERATION, OperatorCommand(self.now_s, operation, x_m, y_m))
+
+    def turn_to(self, heading_rad: float) -> None:
+        assert self.pose is not None
+        self.pose = replace(self.pose, heading_rad=heading_rad, yaw_rad=wrap_angle(heading_rad + 0.3))
+
+    def error(self) -> int:
+        status = self.others.latest(STATUS["planner"])
+        assert status is not None
+        return status.error_code
+
+    def started(self) -> Robot:
+        """Exploring along the hall."""
+        self.run(0.5)
+        self.ask(Operation.START)
+        commands = self.run(4.0)
+        assert moving(commands[-5:])
+        return self
+
+
+def moving(commands: list[DriveCommand]) -> bool:
+    return any(command.speed is not Speed.STOP for command in commands)
+
+
+@pytest.mark.requirement("PLN_MR_02")
+def test_robot_stands_until_it_is_started_and_then_follows_the_hall() -> None:
+    robot = Robot()
+    assert not moving(robot.run(3.0))
+    robot.ask(Operation.START)
+    commands = robot.run(4.0)
+    assert commands[-1].speed is Speed.MEDIUM
+    assert commands[-1].yaw_rad == pytest.approx(0.3, abs=0.3), "heading 0 of the map is yaw 0.3 of the board"
+
+
+@pytest.mark.requirement("PLN_MR_02")
+def test_commands_come_at_least_ten_times_a_second_and_ids_never_fall() -> None:
+    robot = Robot().started()
+    commands = robot.run(3.0)
+    assert np.diff([c.t_s for c in commands]).max() < 0.11
+    assert (np.diff([c.command_id for c in commands]) >= 0).all()
+
+
+def test_standing_commands_keep_their_id_so_that_the_carrier_is_left_in_peace() -> None:
+    assert len({c.command_id for c in Robot().run(3.0)}) == 1
+
+
+def lose(robot: Robot, what: str) -> None:
+    assert robot.pose is not None
+    if what == "permit":
+        robot.permit = Permit(0.0, False, "a module is missing")
+    elif what == "pose":
+        robot.pose = None
+    elif what == "valid pose":
+        robot.pose = replace(robot.pose, valid=False)
+    else:
+        robot.ranges_m = None
+
+
+@pytest.mark.requirement("CM_MR_02")
+@pytest.mark.parametrize(
+    ("what", "error"),
+    [
+        ("permit", ErrorCode.NO_PERMIT),
+        ("pose", ErrorCode.NO_POSE),
+        ("valid pose", ErrorCode.NO_POSE),
+        ("ranges", ErrorCode.NO_RANGES),
+    ],
+)
+def test_robot_stands_when_something_it_rests_on_is_missing_and_goes_on_when_it_is_back(
+    what: str, error: ErrorCode
+) -> None:
+    robot, good = Robot().started(), Robot()
+    lose(robot, what)
+    commands = robot.run(1.5)
+    assert commands[-1].speed is Speed.STOP
+    assert not moving([c for c in commands if c.t_s > commands[0].t_s + 0.4])
+    assert robot.error() == error
+    robot.pose, robot.ranges_m, robot.permit = good.pose, good.ranges_m, good.permit
+    assert moving(robot.run(3.0)[-5:])
+
+
+@pytest.mark.parametrize("what", ["permit", "pose", "valid pose", "ranges"])
+def test_before_the_start_nothing_that_comes_or_goes_moves_the_robot(what: str) -> None:
+    robot = Robot()
+    kept = (robot.pose, robot.ranges_m, robot.permit, robot.grid)
+    robot.pose = robot.ranges_m = robot.permit = robot.grid = None
+    assert not moving(robot.run(1.0))
+    robot.pose, robot.ranges_m, robot.permit, robot.grid = kept
+    assert not moving(robot.run(1.0))
+
+
+@pytest.mark.requirement("CC_MR_04")
+def test_the_release_of_a_stop_never_starts_motion_but_resume_does() -> None:
+    robot = Robot().started()
+    robot.permit = Permit(0.0, False, "stopped by operator", ("operator",))
+    assert not moving(robot.run(2.0)[20:])
+    robot.permit = Permit(0.0, True, "")
+    assert not moving(robot.run(3.0))
+    robot.ask(Operation.RESUME)
+    assert moving(robot.run(3.0)[-5:])
+
+
+@pytest.mark.requirement("CC_MR_04")
+def test_a_start_that_is_asked_for_while_stopped_does_not_start_at_the_release() -> None:
+    robot = Robot()
+    robot.run(0.5)
+    robot.permit = Permit(0.0, False, "stopped by operator", ("operator",))
+    robot.run(0.5)
+    robot.ask(Operation.START)
+    assert not moving(robot.run(1.0))
+    robot.permit = Permit(0.0, True, "")
+    assert not moving(robot.run(3.0))
+    robot.ask(Operation.RESUME)
+    assert moving(robot.run(4.0)[-5:])
+
+
+@pytest.mark.xfail(strict=True, reason="a stop is not noticed while there is no pose or no range")
+@pytest.mark.requirement("CC_MR_04")
+@pytest.mark.parametrize("what", ["pose", "ranges"])
+def test_a_stop_that_came_and_went_while_the_robot_was_blind_holds_until_resumed(what: str) -> None:
+    robot, good = Robot().started(), Robot()
+    lose(robot, what)
+    robot.run(1.0)
+    robot.permit = Permit(0.0, False, "stopped by operator", ("operator",))
+    robot.run(1.0)
+    robot.permit = Permit(0.0, True, "")
+    robot.run(1.0)
+    robot.pose, robot.ranges_m = good.pose, good.ranges_m
+    assert not moving(robot.run(3.0))
+
+
+@pytest.mark.xfail(strict=True, reason="a backing off that was under way goes on at the release")
+@pytest.mark.requirement("CC_MR_04")
+def test_the_release_of_a_stop_in_front_of_something_does_not_back_off() -> None:
+    robot = Robot().started()
+    robot.ranges_m = SOMETHING_AHEAD
+    robot.run(0.5)
+    robot.permit = Permit(0.0, False, "stopped by operator", ("operator",))
+    robot.run(2.0)
+    robot.permit = Permit(0.0, True, "")
+    assert not moving(robot.run(3.0))
+
+
+@pytest.mark.xfail(strict=True, reason="the emergency routine goes on to back off while the operator has paused")
+def test_a_paused_robot_in_front_of_something_does_not_back_off() -> None:
+    robot = Robot().started()
+    robot.ranges_m = SOMETHING_AHEAD
+    robot.run(0.5)
+    robot.ask(Operation.PAUSE)
+    assert not moving(robot.run(4.0))
+
+
+@pytest.mark.xfail(strict=True, reason="in trouble it asks for heading 0 of the map, and STOP with a yaw turns")
+@pytest.mark.requirement("CM_MR_02")
+@pytest.mark.parametrize("what", ["permit", "valid pose", "ranges"])
+def test_a_robot_in_trouble_is_not_asked_to_turn(what: str) -> None:
+    robot = Robot().started()
+    robot.turn_to(pi / 2)
+    robot.run(0.3)
+    lose(robot, what)
+    asked = robot.run(1.0)[-1]
+    assert asked.speed is Speed.STOP
+    assert robot.pose is not None
+    assert wrap_angle(asked.yaw_rad - robot.pose.yaw_rad) == pytest.approx(0.0, abs=0.1)
+
+
+def test_pause_stands_and_resume_goes_on() -> None:
+    robot = Robot().started()
+    robot.ask(Operation.PAUSE)
+    assert not moving(robot.run(2.0)[1:])
+    status = robot.others.latest(STATUS["planner"])
+    assert status is not None
+    assert status.state == "PAUSED"
+    robot.ask(Operation.RESUME)
+    assert moving(robot.run(3.0)[-5:])
+
+
+def test_resume_alone_does_not_start_a_mission() -> None:
+    robot = Robot()
+    robot.run(0.5)
+    robot.ask(Operation.RESUME)
+    assert not moving(robot.run(2.0))
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_something_ahead_stops_the_robot_within_one_period_and_it_goes_on_when_it_is_gone() -> None:
+    robot = Robot().started()
+    robot.ranges_m = SOMETHING_AHEAD
+    commands = robot.run(0.5)
+    first_stop_s = next(c.t_s for c in commands if c.speed is Speed.STOP)
+    assert first_stop_s - commands[0].t_s <= 0.11
+    assert robot.error() == ErrorCode.EMERGENCY_ROUTINE
+    robot.ranges_m = FAR
+    assert moving(robot.run(2.0)[-5:])
+
+
+def test_something_that_stays_is_backed_away_from() -> None:
+    robot = Robot().started()
+    robot.ranges_m = SOMETHING_AHEAD
+    commands = robot.run(3.5)
+    assert Speed.REVERSE in {c.speed for c in commands}
+
+
+def test_the_carrier_s_own_backing_off_is_not_disturbed() -> None:
+    robot = Robot().started()
+    backing = CarrierReport(0.0, CarrierState.BACKING_OFF, 1, 0, 0, -0.1, -80, -80, True, False, 12.0)
+    commands = []
+    for _ in range(20):
+        robot.others.publish(CARRIER, backing)
+        robot.planner.step(robot.bus, robot.now_s)
+        commands += robot.others.take(DRIVE)
+    assert not moving(commands)
+
+
+@pytest.mark.requirement("PLN_MR_05")
+def test_status_comes_ten_times_a_second_with_what_it_is_about() -> None:
+    robot = Robot()
+    robot.others.take(STATUS["planner"])
+    robot.run(3.0)
+    statuses = robot.others.take(STATUS["planner"])
+    assert len(statuses) == pytest.approx(30, abs=2)
+    assert statuses[-1].state == "WAITING"
+    assert statuses[-1].ready
+
+
+def test_people_see_mode_way_and_area() -> None:
+    robot = Robot().started()
+    robot.ask(Operation.GOTO, 5.0, 2.0)
+    robot.run(1.0)
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert view.mode == "GOTO"
+    assert view.area_m2 == pytest.approx(12.0, rel=0.1)
+    assert view.path_m[-1] == pytest.approx([5.0, 2.0], abs=0.5)
+    assert not view.finished
+
+
+def test_goto_ends_where_it_was_asked_for() -> None:
+    robot = Robot()
+    robot.run(0.5)
+    robot.ask(Operation.GOTO, 5.0, 2.0)
+    assert moving(robot.run(2.0)[-5:])
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    end_x_m, end_y_m = (float(v) for v in view.path_m[-1])
+    assert (end_x_m, end_y_m) == pytest.approx((5.0, 2.0), abs=0.6)
+    assert robot.pose is not None
+    robot.pose = replace(robot.pose, x_m=end_x_m, y_m=end_y_m)
+    assert not moving(robot.run(3.0)[-10:])
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert view.finished
+
+
+def test_home_turns_to_the_first_heading_at_the_end() -> None:
+    robot = Robot()
+    assert robot.pose is not None
+    robot.pose = replace(robot.pose, x_m=2.0, y_m=0.0)
+    robot.grid = replace(update_of(hall(length_m=6.0)), origin_x_m=-2.0, origin_y_m=-2.0)
+    robot.run(0.5)
+    robot.ask(Operation.HOME)
+    assert moving(robot.run(2.0)[-5:])
+    robot.pose = replace(robot.pose, x_m=0.0, y_m=0.0, heading_rad=2.0, yaw_rad=2.3)
+    asked = robot.run(3.0)[-1]
+    assert asked.speed is Speed.STOP
+    assert asked.yaw_rad == pytest.approx(0.3, abs=0.1)
+    robot.turn_to(0.0)
+    robot.run(1.0)
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert view.finished
+
+
+def test_map_increments_out_of_order_do_no_harm() -> None:
+    robot = Robot().started()
+    for start, count in ((0, 50), (50, 20), (90, 10), (0, 5), (70, 3)):
+        points = np.random.default_rng(start).uniform(1.0, 3.0, (count, 2)).astype(np.float32)
+        robot.others.publish(MAP, MapUpdate(robot.now_s, 1, start, points, np.zeros(count, np.uint8)))
+    assert robot.run(1.0)
+
+
+@pytest.mark.xfail(strict=True, raises=IndexError, reason="the way is planned from a cell that is not in the grid")
+@pytest.mark.parametrize("heading_rad", [0.0, -3.0])
+@pytest.mark.parametrize("place", [(-20.0, 2.0), (40.0, 40.0), (2.0, -9.0)])
+def test_a_pose_off_the_grid_does_no_harm(place: tuple[float, float], heading_rad: float) -> None:
+    """A closed loop may shift the map under a robot before the next grid comes."""
+    robot = Robot().started()
+    assert robot.pose is not None
+    robot.pose = replace(robot.pose, x_m=place[0], y_m=place[1])
+    robot.turn_to(heading_rad)
+    assert robot.run(2.0)
+
+
+def test_a_grid_where_nothing_is_known_does_no_harm() -> None:
+    robot = Robot()
+    robot.grid = update_of(drawn([]))
+    robot.run(0.5)
+    robot.ask(Operation.START)
+    assert robot.run(3.0)

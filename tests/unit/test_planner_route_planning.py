@@ -1,0 +1,144 @@
+"""Ways over the known floor: where they lead, what they keep clear of, and when there is none."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import hypot
+
+import numpy as np
+import pytest
+
+from common.constants import HULL_RADIUS_M
+from onboard.planner.grid_map import Cell, GridMap, Mask
+from onboard.planner.route_planning import cell_costs, pull_string, shortest_path, straight_is_clear
+from tests.unit.test_planner_grid_map import drawn, hall
+
+
+def path(
+    grid: GridMap,
+    a: tuple[float, float],
+    b: tuple[float, float],
+    blocked: Mask | None = None,
+    tight: bool = False,
+) -> list[Cell] | None:
+    start, goal = grid.cell(*a), grid.cell(*b)
+    found = shortest_path(cell_costs(grid, start, blocked, tight), start, lambda cell: cell == goal)
+    return None if found is None else found[0]
+
+
+def two_rooms(gap_m: float) -> GridMap:
+    """Two rooms with an opening of that width between them, around y = 3."""
+    low, high = 3.0 - gap_m / 2, 3.0 + gap_m / 2
+    return drawn(
+        [(1.0, 1.0, 9.0, 5.0)],
+        [(5.0, 1.0, 5.1, low), (5.0, high, 5.1, 5.0), (1.0, 0.9, 9.0, 1.0), (1.0, 5.0, 9.0, 5.1)],
+    )
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_a_way_leads_through_the_opening_and_not_through_the_wall() -> None:
+    grid = two_rooms(1.6)
+    cells = path(grid, (2.0, 1.6), (8.0, 1.6))
+    assert cells is not None
+    assert cells[0] == grid.cell(2.0, 1.6)
+    assert cells[-1] == grid.cell(8.0, 1.6)
+    assert all(grid.standable[cell] for cell in cells)
+    crossing = [grid.centre(c)[1] for c in cells if abs(grid.centre(c)[0] - 5.05) < 0.1]
+    assert crossing == pytest.approx([3.0] * len(crossing), abs=0.3)
+
+
+def test_a_way_along_a_hall_keeps_to_its_middle() -> None:
+    grid = hall(width_m=2.0)
+    cells = path(grid, (1.6, 1.5), (8.4, 1.5))
+    assert cells is not None
+    middle = [grid.centre(c)[1] for c in cells if 3.5 < grid.centre(c)[0] < 6.5]
+    assert middle == pytest.approx([2.0] * len(middle), abs=0.25)
+
+
+@pytest.mark.requirement("PLN_MR_03")
+@pytest.mark.parametrize("tight", [False, True])
+def test_no_way_leads_through_a_gap_narrower_than_the_hull(tight: bool) -> None:
+    gap_m = 0.4
+    assert gap_m < 2 * HULL_RADIUS_M
+    assert path(two_rooms(gap_m), (2.0, 3.0), (8.0, 3.0), tight=tight) is None
+
+
+def test_blocked_cells_are_gone_round_or_leave_no_way() -> None:
+    grid = hall(width_m=3.0)
+    blocked = np.zeros(grid.cells.shape, dtype=bool)
+    rows, columns = np.indices(grid.cells.shape)
+    blocked[np.hypot(columns - 50, rows - 25) < 6] = True
+    cells = path(grid, (2.0, 2.5), (8.0, 2.5), blocked)
+    assert cells is not None
+    assert not any(blocked[c] for c in cells)
+    blocked[:, 50] = True
+    assert path(grid, (2.0, 2.5), (8.0, 2.5), blocked) is None
+
+
+def test_a_robot_that_stands_too_near_to_a_wall_finds_its_way_out() -> None:
+    grid = hall()
+    assert not grid.standable[grid.cell(4.0, 1.15)]
+    assert path(grid, (4.0, 1.15), (8.0, 2.0)) is not None
+
+
+def test_a_robot_inside_of_what_blocks_finds_its_way_out() -> None:
+    grid = hall(width_m=3.0)
+    blocked = np.zeros(grid.cells.shape, dtype=bool)
+    row, column = grid.cell(3.0, 2.5)
+    blocked[row - 3 : row + 4, column - 3 : column + 4] = True
+    blocked[row, column] = True
+    cells = path(grid, (3.0, 2.5), (8.0, 2.5), blocked)
+    assert cells is None or not any(blocked[c] for c in cells[5:])
+
+
+def test_search_ends_at_the_limit() -> None:
+    grid = hall()
+    start, goal = grid.cell(1.6, 2.0), grid.cell(8.4, 2.0)
+    costs = cell_costs(grid, start)
+    assert shortest_path(costs, start, lambda c: c == goal, limit=2.0) is None
+    found = shortest_path(costs, start, lambda c: c == goal)
+    assert found is not None
+    assert found[1] == pytest.approx(6.8, rel=0.1)
+
+
+def test_the_nearest_of_several_goals_is_taken() -> None:
+    grid = hall()
+    start, goals = grid.cell(5.0, 2.0), {grid.cell(2.0, 2.0), grid.cell(6.0, 2.0)}
+    found = shortest_path(cell_costs(grid, start), start, goals.__contains__)
+    assert found is not None
+    assert found[0][-1] == grid.cell(6.0, 2.0)
+
+
+def test_from_outside_of_the_grid_there_is_no_way() -> None:
+    grid = hall()
+    costs = cell_costs(grid, grid.cell(2.0, 2.0))
+    assert shortest_path(costs, grid.cell(-3.0, 2.0), lambda _: True) is None
+
+
+@pytest.mark.xfail(strict=True, raises=IndexError, reason="the robot may have left the grid that it last received")
+def test_prices_for_a_robot_outside_of_the_grid_are_none() -> None:
+    grid = hall()
+    blocked = np.zeros(grid.cells.shape, dtype=bool)
+    blocked[20, 20] = True
+    cell_costs(grid, grid.cell(50.0, 2.0), blocked)
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_string_pulling_leaves_few_legs_and_keeps_the_clearance() -> None:
+    grid = two_rooms(1.6)
+    cells = path(grid, (2.0, 1.6), (8.0, 1.6))
+    assert cells is not None
+    way = pull_string(grid, cells)
+    assert way[0] == grid.centre(cells[0])
+    assert way[-1] == grid.centre(cells[-1])
+    assert len(way) <= 8
+    for a, b in pairwise(way):
+        assert straight_is_clear(grid, a, b, HULL_RADIUS_M)
+    length_m = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(way))
+    assert 6.0 < length_m < 8.0
+
+
+def test_a_way_of_one_cell_is_its_own_end() -> None:
+    grid = hall()
+    cell = grid.cell(4.0, 2.0)
+    assert pull_string(grid, [cell]) == [grid.centre(cell)]
