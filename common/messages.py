@@ -361,7 +361,7 @@ def _topic(
 
 OFFBOARD = "recorder visualizer command_center"
 
-ODOMETRY = _topic("bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner recorder", "lfc_sim_mmu")
+ODOMETRY = _topic("bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu recorder", "lfc_sim_mmu")
 RANGES = _topic("bridge/ranges", Ranges, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner poi recorder", "lfc_sim_mmu")
 DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, Stance.LATEST, "planner recorder", "lfc_sim_pln")
 CARRIER = _topic("bridge/carrier", CarrierReport, SENSOR_RATE_HZ, Stance.LATEST, "planner comm recorder", "lfc_pln_car")
@@ -374,7 +374,15 @@ POSE = _topic(
     f"planner poi {OFFBOARD}",
     "lfc_mmu_poi lfc_mmu_pln lfc_mmu_cm",
 )
-MAP = _topic("mmu/map", MapUpdate, MAP_RATE_MAX_HZ, Stance.STATE, OFFBOARD, "lfc_mmu_cm lfc_cm_vsl", "on change")
+MAP = _topic(
+    "mmu/map",
+    MapUpdate,
+    MAP_RATE_MAX_HZ,
+    Stance.STATE,
+    f"planner {OFFBOARD}",
+    "lfc_mmu_pln lfc_mmu_cm lfc_cm_vsl",
+    "on change",
+)
 GRID = _topic(
     "mmu/grid", GridUpdate, MAP_RATE_MAX_HZ, Stance.STATE, "planner poi visualizer", "lfc_mmu_pln", "on change"
 )

@@ -51,21 +51,35 @@ NOWHERE = Frontier(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)))
 
 
 class Exploration:
-    """Reads grid and pose; remembers only the places that were looked into in vain."""
+    """Reads grid and pose; remembers only the places that were looked into or tried in vain."""
 
     def __init__(self) -> None:
-        self._given_up: list[tuple[float, float]] = []
+        self._looked_into: list[tuple[float, float]] = []
+        self._put_off: list[tuple[float, float]] = []
+        self._second_try = False
 
     def give_up(self, x_m: float, y_m: float) -> None:
-        """Whatever frontier is left around this position will not be visited again."""
-        self._given_up.append((x_m, y_m))
+        """Whatever frontier is left around this position was looked into from there: it will not be visited again."""
+        self._looked_into.append((x_m, y_m))
+
+    def put_off(self, x_m: float, y_m: float) -> None:
+        """Something kept the robot from this position: the frontier around it waits for the second try."""
+        self._put_off.append((x_m, y_m))
+
+    def try_again(self) -> bool:
+        """Once, when all else is seen, bring back what was put off; False where nothing was or it is used up."""
+        if self._second_try or not self._put_off:
+            return False
+        self._second_try, self._put_off = True, []
+        return True
 
     def frontier(self, grid: GridMap, blocked: Mask) -> Frontier:
         """Frontier cells that are still worth a visit."""
         cells = np.argwhere(grid.frontier & ~blocked)
         points = grid.centres(cells)
-        if len(cells) and self._given_up:
-            gap = points[:, None, :] - np.array(self._given_up)[None, :, :]
+        left_out = self._looked_into + self._put_off
+        if len(cells) and left_out:
+            gap = points[:, None, :] - np.array(left_out)[None, :, :]
             keep = (np.hypot(gap[..., 0], gap[..., 1]) >= GIVEN_UP_RADIUS_M).all(axis=1)
             cells, points = cells[keep], points[keep]
         return Frontier(cells, points)

@@ -61,6 +61,7 @@ class Mode(Enum):
     HOME = "driving home"
     ALIGN = "home, turning to the first heading"
     GOTO = "driving to a place"
+    RETAKE = "driving to where a photo is wanted"
     DONE = "done"
     STUCK = "no way out; waiting"
 
@@ -117,6 +118,7 @@ class Mission:
         self._anchor: Pose2 | None = None
         self._still_s = 0.0
         self._vain_legs: list[Pose2] = []  # where driving straight on led nowhere
+        self._retake_rad = 0.0
         self._retry_s = 0.0
         self._retry_mode = Mode.HOME
         self._align_until_s = 0.0
@@ -138,20 +140,26 @@ class Mission:
     def go_to(self, x_m: float, y_m: float) -> None:
         self.mode, self.way, self._target = Mode.GOTO, [], (x_m, y_m)
 
+    def detour(self, pose: Pose2) -> None:
+        """Stand at a pose for another photo, then go on exploring."""
+        if self.mode in (Mode.STRAIGHT, Mode.ROUTE, Mode.LOOK):
+            self.mode, self.way, self._target = Mode.RETAKE, [], (pose.x_m, pose.y_m)
+            self._retake_rad = pose.heading_rad
+
     def blocked(self, view: View, bearing_rad: float) -> None:
         """Something stands in the way that the map does not know: plan around it for a while."""
         angle = view.pose.heading_rad + bearing_rad
         x_m, y_m = view.pose.x_m + BLOCK_AHEAD_M * cos(angle), view.pose.y_m + BLOCK_AHEAD_M * sin(angle)
         self._blocks.append((x_m, y_m, view.now_s + BLOCK_FOR_S))
         # Most often this is a wall that was met at a slant and not yet placed: nothing is to be found behind it
-        self._exploration.give_up(x_m, y_m)
+        self._exploration.put_off(x_m, y_m)
         if self.mode is Mode.STRAIGHT:
             self._end_leg(view)
         elif self.mode is Mode.ROUTE and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
             self._obstructions += 1
             if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._obstructions = 0
-                self._exploration.give_up(*self._target)
+                self._exploration.put_off(*self._target)
         self.way = []
         self._grid_seen = -1
 
@@ -191,7 +199,7 @@ class Mission:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
         if self._stagnates(view, dt_s):
             self._anchor = None
-            self._exploration.give_up(*self._target)
+            self._exploration.put_off(*self._target)
             self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
             return stand
@@ -270,7 +278,8 @@ class Mission:
             return False
         # What stands in the way may hide a way: nothing is concluded before it is forgotten
         self._empty_lists += 0 if self._blocks else 1
-        if self._empty_lists < LIST_PATIENCE:
+        if self._empty_lists < LIST_PATIENCE or self._exploration.try_again():
+            self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
         elif self._returns_home:
             self.go_home()
@@ -369,6 +378,9 @@ class Mission:
         span = range(-reach, reach + 1)
         wanted = {(goal[0] + i, goal[1] + j) for i in span for j in span}
         route = self._route(view, wanted)
+        if route is None and self.mode is Mode.RETAKE:
+            self._look(view.pose.heading_rad, view.now_s)
+            return False
         if route is None:
             self._retry_mode, self._retry_s = self.mode, view.now_s + RETRY_S
             self.mode = Mode.STUCK
@@ -389,6 +401,9 @@ class Mission:
             return
         if self.mode is Mode.GOTO:
             self.mode = Mode.DONE
+            return
+        if self.mode is Mode.RETAKE:
+            self._look(self._retake_rad, view.now_s)
             return
         direction = exploration.unknown_direction_rad(view.grid, view.pose.x_m, view.pose.y_m, view.pose.heading_rad)
         self._exploration.give_up(*self._target)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from common.bus import Bus, alive, alive_and_valid
-from common.constants import PLANNER_RATE_HZ, POSE_RATE_HZ, SPEED_MEDIUM_M_S
+from common.constants import PLANNER_RATE_HZ, POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import (
@@ -23,11 +23,14 @@ from common.messages import (
     PLAN,
     POSE,
     RANGES,
+    RETAKE,
     CarrierState,
     DriveCommand,
     Operation,
     OperatorCommand,
     PlannerView,
+    PoiCommand,
+    PoiRequest,
     PoseEstimate,
     Speed,
 )
@@ -35,6 +38,7 @@ from common.status import StatusReporter
 from onboard.planner.emergency import Emergency, Phase, watch
 from onboard.planner.grid_map import GridMap
 from onboard.planner.mission import Mission, Mode, Motion, View
+from onboard.planner.poi_override import Override, after, speed
 
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
@@ -61,6 +65,7 @@ class Planner:
         self._commanded: DriveCommand | None = None
         self._view_sent_s = -math.inf
         self._paused = False
+        self._override = Override()
         self._left: deque[float] = deque(maxlen=5)
         self._right: deque[float] = deque(maxlen=5)
         self._front: deque[float] = deque(maxlen=3)
@@ -74,6 +79,8 @@ class Planner:
         pose = bus.latest(POSE)
         for operation in bus.take(OPERATION):
             self._operate(operation, pose, now_s)
+        for request in bus.take(RETAKE):
+            self._hear_poi(request, pose, now_s)
         error = self._trouble(bus)
         if pose is None or error is not ErrorCode.OK:
             self._emergency = Emergency()
@@ -110,6 +117,12 @@ class Planner:
         elif command.operation is Operation.GOTO:
             self._mission.go_to(command.x_m, command.y_m)
 
+    def _hear_poi(self, request: PoiRequest, pose: PoseEstimate | None, now_s: float) -> None:
+        turning = pose is not None and abs(wrap_angle(self._wanted.heading_rad - pose.heading_rad)) > TURN_ON_SPOT_RAD
+        self._override = after(self._override, request.command, now_s, turning)
+        if request.command is PoiCommand.GOTO and not turning:
+            self._mission.detour(Pose2(request.x_m, request.y_m, request.heading_rad))
+
     def _trouble(self, bus: Bus) -> ErrorCode:
         """Why the robot must stand; OK where it need not."""
         permit = bus.latest(PERMIT)
@@ -132,7 +145,11 @@ class Planner:
             return
         if pose.t_s > self._pose_seen_s:
             self._pose_seen_s = pose.t_s
-            self._wanted = self._mission.step(self._view(now_s, pose))
+            asked = speed(self._override, now_s)
+            if asked is None:
+                self._wanted = self._mission.step(self._view(now_s, pose))
+            else:
+                self._wanted = Motion(asked, pose.heading_rad)
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
         self._emergency, blocked = watch(self._emergency, now_s, self._wanted.speed, ranges.range_m, speed_m_s)
         if blocked:

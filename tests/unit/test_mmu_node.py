@@ -300,7 +300,6 @@ def test_same_messages_give_the_same_map_to_the_bit() -> None:
     assert a.poses == b.poses
 
 
-@pytest.mark.xfail(strict=True, reason="ranges that arrive after their odometry are thrown away")
 def test_ranges_that_arrive_one_step_after_their_odometry_still_count() -> None:
     bench = Bench().drive(seconds=8.0, ranges_late=True)
     assert len(bench.received_map()) > 20

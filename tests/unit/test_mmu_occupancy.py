@@ -98,7 +98,6 @@ def test_nothing_to_add_changes_nothing() -> None:
     assert (grid.cells() == UNKNOWN).all()
 
 
-@pytest.mark.xfail(strict=True, reason="all rays of the run are drawn at once after a closed loop")
 def test_many_rays_are_drawn_in_little_memory() -> None:
     """A corrected past draws the whole run anew; the board has half a gigabyte for everything."""
     random = np.random.default_rng(1)

@@ -123,7 +123,6 @@ def test_a_standing_robot_places_no_echo() -> None:
     assert drive({b: plane(b, 1.2) for b in SONAR_BEARINGS_RAD}, speed_m_s=0.0)[0] == []
 
 
-@pytest.mark.xfail(strict=True, reason="every range of a standing robot is kept until it moves")
 def test_an_hour_of_standing_takes_no_memory() -> None:
     surroundings = Surroundings((LEFT,))
     size = []

@@ -36,7 +36,6 @@ def test_nothing_drives_forward_while_something_is_nearer_than_the_limit(
     assert not (is_near(ranges_m) and drives_forward(state, wanted))
 
 
-@pytest.mark.xfail(strict=True, reason="for one tick after backing off whatever is wanted is let through")
 @given(RANGES, st.sampled_from(FORWARD), st.floats(0.0, 0.5))
 def test_nothing_drives_forward_right_after_backing_off_while_something_is_near(
     ranges_m: tuple[float, ...], wanted: Speed, speed_m_s: float

@@ -100,7 +100,6 @@ def test_driving_by_the_table_ends_at_the_camera_s_distance_in_a_wide_hall(width
     assert settled_m(width_m, width_m * share) == pytest.approx(MIN_DISTANCE_POI_M, abs=0.05)
 
 
-@pytest.mark.xfail(strict=True, reason="between 2.5 and 3 m the middle is kept, not 1.5 m from the right (decision 4)")
 @pytest.mark.parametrize("width_m", [2.55, 2.7, 2.85])
 def test_driving_by_the_table_ends_at_the_camera_s_distance_in_a_hall_just_wide_enough(width_m: float) -> None:
     assert settled_m(width_m, 1.0) == pytest.approx(MIN_DISTANCE_POI_M, abs=0.05)

@@ -10,7 +10,14 @@ import pytest
 
 from common.constants import HULL_RADIUS_M
 from onboard.planner.grid_map import Cell, GridMap, Mask
-from onboard.planner.route_planning import cell_costs, pull_string, shortest_path, straight_is_clear
+from onboard.planner.route_planning import (
+    TIGHT_CLEARANCE_M,
+    TIGHT_PRICE,
+    cell_costs,
+    pull_string,
+    shortest_path,
+    straight_is_clear,
+)
 from tests.unit.test_planner_grid_map import drawn, hall
 
 
@@ -19,10 +26,9 @@ def path(
     a: tuple[float, float],
     b: tuple[float, float],
     blocked: Mask | None = None,
-    tight: bool = False,
 ) -> list[Cell] | None:
     start, goal = grid.cell(*a), grid.cell(*b)
-    found = shortest_path(cell_costs(grid, start, blocked, tight), start, lambda cell: cell == goal)
+    found = shortest_path(cell_costs(grid, start, blocked), start, lambda cell: cell == goal)
     return None if found is None else found[0]
 
 
@@ -56,11 +62,47 @@ def test_a_way_along_a_hall_keeps_to_its_middle() -> None:
 
 
 @pytest.mark.requirement("PLN_MR_03")
-@pytest.mark.parametrize("tight", [False, True])
-def test_no_way_leads_through_a_gap_narrower_than_the_hull(tight: bool) -> None:
+def test_no_way_leads_through_a_gap_narrower_than_the_hull() -> None:
     gap_m = 0.4
     assert gap_m < 2 * HULL_RADIUS_M
-    assert path(two_rooms(gap_m), (2.0, 3.0), (8.0, 3.0), tight=tight) is None
+    assert path(two_rooms(gap_m), (2.0, 3.0), (8.0, 3.0)) is None
+
+
+def staggered(opening_m: float = 0.0) -> GridMap:
+    """Two rooms whose walls leave a gap across a corner that the hull just fits, and maybe an opening below."""
+    return drawn(
+        [(1.0, 1.0, 9.0, 5.0)],
+        [
+            (5.0, 1.0 + opening_m, 5.1, 3.0),
+            (5.4, 3.3, 5.5, 5.0),
+            (1.0, 0.9, 9.0, 1.0),
+            (1.0, 5.0, 9.0, 5.1),
+        ],
+    )
+
+
+def tight_cells(grid: GridMap, cells: list[Cell]) -> list[Cell]:
+    return [cell for cell in cells if not grid.standable[cell]]
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_a_gap_that_the_hull_just_fits_is_taken_where_no_other_way_leads() -> None:
+    grid = staggered()
+    cells = path(grid, (2.0, 3.5), (8.0, 2.8))
+    assert cells is not None
+    tight = tight_cells(grid, cells)
+    assert tight
+    assert min(grid.clearance_m[cell] for cell in tight) >= TIGHT_CLEARANCE_M
+    costs = cell_costs(grid, cells[0])
+    assert [costs[row][column] for row, column in tight] == pytest.approx([TIGHT_PRICE * grid.cell_m] * len(tight))
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_a_wide_opening_a_little_out_of_the_way_is_taken_before_a_tight_gap() -> None:
+    grid = staggered(opening_m=1.0)
+    cells = path(grid, (2.0, 3.5), (8.0, 2.8))
+    assert cells is not None
+    assert not tight_cells(grid, cells)
 
 
 def test_blocked_cells_are_gone_round_or_leave_no_way() -> None:
