@@ -10,8 +10,9 @@
 
 from __future__ import annotations
 
+from cmath import phase, rect
 from dataclasses import dataclass, field
-from math import cos, hypot, radians, sin
+from math import cos, hypot, pi, radians, sin
 
 import numpy as np
 
@@ -39,6 +40,10 @@ LOOP_POINTS_MIN = 30
 LOOP_SD_M = 0.07
 LOOP_SD_RAD = radians(0.6)
 PASSES_MAX = 2
+RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
+RIGHT_ANGLES_SHARE = 0.9  # mean resultant length of four times the direction
+RIGHT_ANGLES_NEAR_RAD = radians(4.0)
+RIGHT_ANGLES_SD_RAD = radians(2.0)  # of one piece; neighbouring pieces say the same
 PIECE_TRAVEL_M = 3.0
 PIECE_GAP_M = 2.5
 PIECE_LOOK_BACK_M = 45.0
@@ -98,6 +103,8 @@ class Slam:
         self._echoes = FrameStore()
         self._rays = FrameStore()
         self._pieces: list[WallPiece] = []
+        self._directions = 0j  # metres of wall as unit vectors at four times their direction, summed
+        self._directions_m = 0.0
         self._travel_m = 0.0
         self._matched_m = 0.0
         self._drawn = (0, 0)  # echoes and rays in the grid
@@ -263,6 +270,7 @@ class Slam:
                 continue
             middle, normal_rad, length_m = piece
             self._continue_wall(node, pose, middle, normal_rad, length_m, poses)
+            self._keep_right_angles(node, pose, normal_rad, length_m)
             local = pose.inverse().transform(middle)
             self._pieces.append(
                 WallPiece(
@@ -298,6 +306,20 @@ class Slam:
             relative = other_pose.between(correction.compose(pose))
             self._graph.edges.append(Edge(other.node, node, relative, information, closure=True))
             return
+
+    def _keep_right_angles(self, node: int, pose: Pose2, normal_rad: float, length_m: float) -> None:
+        """Where the walls so far stand at right angles, a piece that nearly does too pulls the heading, softly."""
+        total_m = self._directions_m
+        self._directions += length_m * rect(1.0, 4 * normal_rad)
+        self._directions_m += length_m
+        if total_m < RIGHT_ANGLES_WALL_M or abs(self._directions) < RIGHT_ANGLES_SHARE * self._directions_m:
+            return
+        off_rad = (4 * normal_rad - phase(self._directions) + pi) % (2 * pi) - pi
+        if abs(off_rad / 4) > RIGHT_ANGLES_NEAR_RAD:
+            return
+        information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
+        upright = Pose2(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad - off_rad / 4))
+        self._graph.edges.append(Edge(0, node, upright, information, closure=True))
 
     def _tie_loops(self) -> None:
         rows = self._echoes.stretch(self._travel_m - RECENT_M)
