@@ -108,7 +108,9 @@ class Mission:
         self._moving_s = 0.0
         self._rest_until_s = -inf
         self._last_s: float | None = None
-        self._blocks: list[tuple[float, float, float]] = []
+        self._blocks: list[tuple[float, float, float]] = []  # where, and until when
+        self._block_history: list[tuple[float, float]] = []  # what stands there again and again stays longer
+        self._patience_until_s = -inf
         self._empty_lists = 0
         self._opening_checked: Pose2 | None = None
         self._leg_start: Pose2 | None = None
@@ -150,7 +152,11 @@ class Mission:
         """Something stands in the way that the map does not know: plan around it for a while."""
         angle = view.pose.heading_rad + bearing_rad
         x_m, y_m = view.pose.x_m + BLOCK_AHEAD_M * cos(angle), view.pose.y_m + BLOCK_AHEAD_M * sin(angle)
-        self._blocks.append((x_m, y_m, view.now_s + BLOCK_FOR_S))
+        earlier = sum(hypot(x_m - x, y_m - y) < BLOCK_RADIUS_M for x, y in self._block_history)
+        self._block_history.append((x_m, y_m))
+        self._blocks.append((x_m, y_m, view.now_s + BLOCK_FOR_S * 2.0**earlier))
+        if not earlier:
+            self._patience_until_s = view.now_s + BLOCK_FOR_S
         # Most often this is a wall that was met at a slant and not yet placed: nothing is to be found behind it
         self._exploration.put_off(x_m, y_m)
         if self.mode is Mode.STRAIGHT:
@@ -277,7 +283,7 @@ class Mission:
         if cells is not None:
             return False
         # What stands in the way may hide a way: nothing is concluded before it is forgotten
-        self._empty_lists += 0 if self._blocks else 1
+        self._empty_lists += 0 if view.now_s < self._patience_until_s else 1
         if self._empty_lists < LIST_PATIENCE or self._exploration.try_again():
             self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
