@@ -18,7 +18,7 @@ from common.messages import Speed
 from onboard.planner import exploration
 from onboard.planner.exploration import Cells, Exploration, Frontier, FrontierGroup
 from onboard.planner.grid_map import Cell, GridMap, Mask
-from onboard.planner.right_hand_rule import shift_rad
+from onboard.planner.right_hand_rule import Turn, decide, shift_rad
 from onboard.planner.route_planning import cell_costs, pull_string, shortest_path, straight_is_clear
 
 ARRIVED_M = 0.15
@@ -41,7 +41,6 @@ STAGNANT_M = 0.1
 STAGNANT_RAD = radians(20.0)
 STAGNANT_S = 20.0
 STEER_MAX_RAD = radians(10.0)
-SIDE_TURNS_RAD = (-pi / 2, pi / 2, pi)  # P3.0: the right-most way first
 SIDE_REACH_M = 1.2
 SIDE_WIDTH_M = 0.8
 DIRECTIONS_MIN = 30
@@ -239,29 +238,32 @@ class Mission:
         return Motion(Speed.STOP, self._look_rad)
 
     def _choose(self, view: View) -> None:
-        """P3.0 with the list: straight on while that shows something new, else the nearest entry of the list."""
+        """P3.0: the right-most way that shows something new, back out of a dead end, else the next of the list."""
         heading_rad = self._along_hall(view.pose.heading_rad)
-        reach_m = exploration.straight_reach_m(view.grid, view.pose, heading_rad, self._blocked)
-        if not (self._front_is_near(view) or _near(view.pose, self._vain_legs)) and exploration.something_ahead(
-            view.grid, self._frontier, view.pose, heading_rad, reach_m
-        ):
+        ways = {turn: self._along_hall(wrap_angle(heading_rad + turn.value)) for turn in Turn}
+        open_ways = {turn for turn, way_rad in ways.items() if self._shows_new(view, way_rad, turn is Turn.FORWARD)}
+        turn = decide(open_ways)
+        if turn is Turn.FORWARD:
             self.mode, self._leg_rad, self._opening_checked = Mode.STRAIGHT, heading_rad, view.pose
             self._leg_start = view.pose
             self._empty_lists = 0
-            return
-        for turn_rad in SIDE_TURNS_RAD:
-            side_rad = self._along_hall(wrap_angle(heading_rad + turn_rad))
-            side = Pose2(view.pose.x_m, view.pose.y_m, side_rad)
-            reach_m = exploration.straight_reach_m(view.grid, side, side_rad, self._blocked)
-            if (
-                reach_m >= SIDE_REACH_M
-                and not _near(side, [*self._vain_legs, *self._tried])
-                and exploration.something_ahead(view.grid, self._frontier, side, side_rad, reach_m, SIDE_WIDTH_M)
-            ):
-                self._tried.append(side)
-                self._look(side_rad, view.now_s)
-                return
-        self._take_from_list(view)
+        elif turn in open_ways:
+            self._tried.append(_facing(view.pose, ways[turn]))
+            self._look(ways[turn], view.now_s)
+        else:
+            self._take_from_list(view)
+
+    def _shows_new(self, view: View, way_rad: float, forward: bool) -> bool:
+        """Would driving straight that way show new floor? To a side only what lies near the axis counts."""
+        side = _facing(view.pose, way_rad)
+        reach_m = exploration.straight_reach_m(view.grid, side, way_rad, self._blocked)
+        if forward:
+            ruled_out = self._front_is_near(view) or _near(view.pose, self._vain_legs)
+            width_m = exploration.STRAIGHT_SIDE_M
+        else:
+            ruled_out = reach_m < SIDE_REACH_M or _near(side, [*self._vain_legs, *self._tried])
+            width_m = SIDE_WIDTH_M
+        return not ruled_out and exploration.something_ahead(view.grid, self._frontier, side, way_rad, reach_m, width_m)
 
     def _along_hall(self, heading_rad: float) -> float:
         """The building's own direction next to a heading, where it has right angles and one is near; else the same."""
@@ -452,6 +454,10 @@ def _near(pose: Pose2, others: list[Pose2]) -> bool:
         other.distance_m(pose) < VAIN_LEG_M and abs(wrap_angle(other.heading_rad - pose.heading_rad)) < VAIN_LEG_RAD
         for other in others
     )
+
+
+def _facing(pose: Pose2, heading_rad: float) -> Pose2:
+    return Pose2(pose.x_m, pose.y_m, heading_rad)
 
 
 def goal_set(cells: Cells) -> set[Cell]:

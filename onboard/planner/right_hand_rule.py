@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
 from enum import Enum
-from math import radians
+from math import pi, radians
 
 from common.constants import HALL_WIDTH_FOR_BOTH_M, MIN_DISTANCE_POI_M, MIN_DISTANCE_TO_WALL_M
 
@@ -26,47 +26,28 @@ def shift_rad(left_m: float, right_m: float) -> float:
         error_m = MIN_DISTANCE_POI_M - right_m
         if left:
             error_m = min(error_m, max(left_m - MIN_DISTANCE_TO_WALL_M, 0.0))
-    elif left and left_m < MIN_DISTANCE_TO_WALL_M:
-        error_m = left_m - MIN_DISTANCE_TO_WALL_M
-    elif right and right_m > MIN_DISTANCE_POI_M:
-        error_m = max(MIN_DISTANCE_POI_M - right_m, -1.0)
     else:
-        return 0.0
+        off_left_m = left_m - MIN_DISTANCE_TO_WALL_M if left else 0.0
+        off_right_m = MIN_DISTANCE_POI_M - right_m if right else 0.0
+        error_m = min(off_left_m, max(off_right_m, -1.0), 0.0)
     if abs(error_m) < NARROW_TOLERANCE_M:
         return 0.0
     return max(-SHIFT_MAX_RAD, min(SHIFT_MAX_RAD, SHIFT_GAIN_RAD_PER_M * error_m))
 
 
 class Turn(Enum):
-    FORWARD = "forward"
-    LEFT = "left"
-    RIGHT = "right"
-    BACK = "back"
+    """A way on at a junction; the value is the change of heading in radians."""
+
+    RIGHT = -pi / 2
+    FORWARD = 0.0
+    LEFT = pi / 2
+    BACK = pi
 
 
-@dataclass(frozen=True, slots=True)
-class Junction:
-    """What stands around: a wall, or a way on."""
+def decide(open_ways: Collection[Turn]) -> Turn:
+    """Table P3.0: the right-most open way; out of a dead end, back.
 
-    wall_right: bool
-    wall_front: bool
-    wall_left: bool
-
-
-def decide(junction: Junction) -> tuple[Turn, tuple[Turn, ...]]:
-    """Table P3.0: which way to take, and which ways go on the list of side halls.
-
-    The right-most open way is taken. A dead end (case 3 with a wall on the left all the way) is left by turning twice.
+    The ways that are open too and not taken are the side halls of the table: they stay on the list of
+    `exploration.groups` until somebody has looked into them.
     """
-    ways = [
-        way
-        for way, wall in (
-            (Turn.RIGHT, junction.wall_right),
-            (Turn.FORWARD, junction.wall_front),
-            (Turn.LEFT, junction.wall_left),
-        )
-        if not wall
-    ]
-    if not ways:
-        return Turn.BACK, ()
-    return ways[0], tuple(ways[1:])
+    return next((turn for turn in (Turn.RIGHT, Turn.FORWARD, Turn.LEFT) if turn in open_ways), Turn.BACK)

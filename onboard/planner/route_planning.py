@@ -30,7 +30,7 @@ def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[
     price = 1.0 + COMFORT_WEIGHT * np.maximum(COMFORT_M - clearance, 0.0) / COMFORT_M
     price = np.where(allowed, np.where(grid.standable, price, TIGHT_PRICE), 0.0)
     here = (grid.cells[near] == FREE) & (price[near] == 0.0)
-    if blocked is not None and not blocked[start]:
+    if blocked is not None and grid.contains(start) and not blocked[start]:
         here &= ~blocked[near]
     price[near] = np.where(here, TIGHT_PRICE, price[near])
     costs: list[list[float]] = (price * grid.cell_m).tolist()
