@@ -43,7 +43,7 @@ class HostHal : public hal::Hal {
   }
   void fire(uint8_t mask) override { out.fired |= mask; }
   bool echo(uint8_t sonar, uint16_t* width_us) override {
-    if (!echo_us[sonar]) return false;
+    if (!echo_us[sonar] || now_us < echo_end_us[sonar]) return false;
     *width_us = echo_us[sonar];
     echo_us[sonar] = 0;
     return true;
@@ -78,6 +78,7 @@ class HostHal : public hal::Hal {
   hal::Imu imu_reading = hal::Imu();
   bool imu_answers = false;
   uint16_t echo_us[5] = {0, 0, 0, 0, 0};
+  uint64_t echo_end_us[5] = {0, 0, 0, 0, 0};
   hal::Switches inputs = hal::Switches();
   uint16_t battery = 12000;
   char rx[kRxSize];
@@ -130,7 +131,9 @@ void fw_imu(Board* board, int ax, int ay, int az, int gx, int gy, int gz) {
 
 void fw_imu_unplug(Board* board) { board->hardware.imu_answers = false; }
 
+// The pulse of a sonar, from now on
 void fw_echo(Board* board, int sonar, int width_us) {
+  board->hardware.echo_end_us[sonar] = board->hardware.now_us + static_cast<uint64_t>(width_us);
   board->hardware.echo_us[sonar] = static_cast<uint16_t>(width_us);
 }
 

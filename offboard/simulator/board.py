@@ -52,7 +52,7 @@ class Board(Protocol):
         """Signed quadrature edges since the last call, forward positive."""
 
     def echo(self, sonar: int, width_us: int) -> None:
-        """One finished echo pulse of sonar 0..4 (order of `SONAR_NAMES`); 37500 = nothing heard."""
+        """The pulse of sonar 0..4 (order of `SONAR_NAMES`), from now on; 37500 = nothing heard, 0 = none."""
 
     def imu(self, ax: int, ay: int, az: int, gx: int, gy: int, gz: int) -> None:
         """What the MPU-6050 reads from now on: +-2 g, +-500 deg/s (65.5 counts per deg/s)."""
