@@ -4,6 +4,8 @@
 ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 PYTHON="$ROOT/.venv/bin/python"
 DEBIAN_PACKAGES=(g++ libegl1 libgl1-mesa-dri)
+# The firmware's build for the Mega, and simavr to run it: for the tests and `simulate --board avr`
+TEST_PACKAGES=(make gcc-avr avr-libc arduino-core-avr arduino-builder libsimavr-dev libelf-dev)
 
 say() { printf '%s\n' "$*" >&2; }
 
@@ -24,10 +26,21 @@ need_debian() {
 
 missing_debian() {
     local package
-    for package in "${DEBIAN_PACKAGES[@]}"; do
+    for package in "$@"; do
         dpkg-query -W -f '${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || printf '%s\n' "$package"
     done
-    python3 -c 'import ensurepip, venv' 2>/dev/null || printf '%s\n' python3-venv
+}
+
+has_debian() { command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; }
+
+# What only tests need: they skip without it, so that being no root ends nothing
+set_up_tests() {
+    local missing
+    has_debian || return 0
+    mapfile -t missing < <(missing_debian "${TEST_PACKAGES[@]}")
+    if [ "${#missing[@]}" -gt 0 ]; then
+        (need_debian "${missing[@]}") || say "Going on; tests that need what is missing are skipped."
+    fi
 }
 
 wanted_stamp() {
@@ -45,8 +58,9 @@ set_up() {
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then
         return
     fi
-    if command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; then
-        mapfile -t missing < <(missing_debian)
+    if has_debian; then
+        mapfile -t missing < <(missing_debian "${DEBIAN_PACKAGES[@]}")
+        python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
         if [ "${#missing[@]}" -gt 0 ]; then
             need_debian "${missing[@]}"
         fi

@@ -34,7 +34,7 @@ _MCUSR = {ResetCause.POWER_ON: 1, ResetCause.EXTERNAL: 2, ResetCause.BROWN_OUT: 
 
 
 def missing_tools() -> bool:
-    """Is anything absent that the AVR board is built with?"""
+    """Is anything absent that the firmware for the Mega and its simulation are built with?"""
     tools = all(shutil.which(tool) for tool in ("avr-gcc", "avr-g++", "make", "g++"))
     return not (tools and CORE.is_dir() and SIMAVR_HEADERS.is_dir())
 

@@ -30,6 +30,7 @@ static const int32_t kTurnRateMin_cdps = 200;
 static const int32_t kTurnDone_cdeg = 50;            // half of k_angle_error
 static const int32_t kTurnSettle_ms = 120;
 static const int32_t kTurnTimeout_ms = 20000;
+static const int32_t kHoldGain = 5;                  // deg/s per degree off the heading
 static const int32_t kHoldRateMax_cdps = 3000;
 static const int32_t kTurnAcceleration_cdps2 = 12000;
 
