@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import inf
 
 from common.constants import HEARTBEAT_PERIOD_S
+from common.errors import StartError
 from common.messages import Speed
 from onboard.bridge import protocol
 from onboard.bridge.line_protocol import LineDecoder, encode
@@ -19,8 +20,8 @@ REPEAT_S = 0.1
 LOST_S = 0.3  # no line for this long: silent until the next HELLO
 
 
-class WrongFirmware(RuntimeError):
-    """The board speaks another protocol; one sentence says what to do."""
+class WrongFirmware(StartError):
+    """The board speaks another protocol."""
 
 
 class BoardLink:
@@ -70,7 +71,9 @@ class BoardLink:
 
     def drive(self, speed: Speed, yaw_deg: float) -> int:
         """Drives at that speed and heading, absolute as the board counts it; the command's number."""
-        self._last_id += 1
+        # Above every number the board knows: it may have been driven before without a restart
+        known = (self.car.command_id, self.car.completed_id, self.car.aborted_id) if self.car is not None else ()
+        self._last_id = max(self._last_id, *known) + 1
         self._command = Drv(self._last_id, int(speed), round(yaw_deg * 100.0) % 36000)
         self._told_s = -inf
         return self._last_id
@@ -95,8 +98,8 @@ class BoardLink:
             case Hello():
                 if (message.version, message.hash) != (protocol.VERSION, protocol.HASH):
                     raise WrongFirmware(
-                        f"the board speaks protocol {message.version}/{message.hash:04X}, this program "
-                        f"{protocol.VERSION}/{protocol.HASH:04X}: flash the firmware of this version (arduino/README.md)"
+                        f"The board speaks protocol {message.version}/{message.hash:04X}, this program "
+                        f"{protocol.VERSION}/{protocol.HASH:04X}: flash this version's firmware (arduino/README.md)."
                     )
                 self.hello, self.connected = message, True
             case Odo():

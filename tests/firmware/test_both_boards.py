@@ -1,4 +1,4 @@
-"""Host build and AVR binary in the simulated building with realistic errors: speed, heading, turns, rhythm, likeness."""
+"""Host build and AVR binary in the building with realistic errors: speed, heading, turns, rhythm, likeness."""
 
 from __future__ import annotations
 
