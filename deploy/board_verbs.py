@@ -101,14 +101,15 @@ def check_sensors(session: BoardSession, arguments: argparse.Namespace, _: Ask, 
 
 def _reading(session: BoardSession) -> str:
     link = session.link
-    if link.rng is None or link.odo is None or link.car is None:
+    if link.rng is None or link.odo is None or link.car is None or link.sim is None:
         return "silent"
     ranges = "  ".join(
         f"{name} {f'{mm / 10:.0f} cm' if mm else '-'}" for name, mm in zip(SONAR_NAMES, link.rng.range_mm, strict=True)
     )
     pressed = ", ".join(name for flag, name in _SWITCHES if link.odo.flags & flag) or "none"
     return (
-        f"{ranges} | ticks {link.odo.ticks_left} {link.odo.ticks_right} | yaw {link.odo.yaw_cdeg / 100:.1f} deg | "
+        f"{ranges} | ticks {link.odo.ticks_left} {link.odo.ticks_right} | yaw {link.odo.yaw_cdeg / 100:.1f}, "
+        f"pitch {link.sim.pitch_cdeg / 100:.1f}, roll {link.sim.roll_cdeg / 100:.1f} deg | "
         f"{link.car.battery_mv / 1000:.1f} V | switches {pressed}"
     )
 

@@ -122,3 +122,19 @@ def test_both_boards_drive_the_same_way(avr_tools: None) -> None:
         ways.append(course.world.truth_log)
     apart_m = [hypot(a[1] - b[1], a[2] - b[2]) for a, b in zip(*ways, strict=True)]
     assert max(apart_m) < 0.02
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_commands_and_their_ends_survive_a_line_that_loses_lines(seed: int) -> None:
+    """One bit in 4000 is wrong: every tenth report is lost and every twentieth command, and now and then so many
+    heartbeats in a row that the robot stops. Whatever happens to a command, its end is told."""
+    course = Course(HostBoard(), seed, replace(PROFILES["none"], serial_bit_error_rate=2.5e-4))
+    course.get_ready()
+    for turn in range(1, 9):
+        ends = ""
+        while ends != "completed":
+            command = course.link.drive(Speed.STOP, turn * 45.0)
+            course.until(lambda c=command: course.link.completed(c) or course.link.aborted(c), 15.0)
+            ends = "completed" if course.link.completed(command) else "aborted"
+        assert (course.heading_deg - turn * 45.0 + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.0)
+    assert course.link.bad_lines > 20

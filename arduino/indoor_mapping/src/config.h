@@ -64,6 +64,7 @@ static const int16_t kGyroBootSpread_lsb = 131;      // 2 deg/s from the lowest 
 static const int16_t kGyroStillGate_lsb = 66;        // 1 deg/s from the bias: still standing
 static const uint16_t kStandstill_ms = 200;          // no tick for this long
 static const uint16_t kImuSilent_ms = 50;
+static const int32_t kTiltTicks = 64;                // over which pitch and roll are smoothed
 
 // Safety chain
 static const uint16_t kHeartbeatTimeout_ms = 250;    // = HEARTBEAT_TIMEOUT_S * 1000

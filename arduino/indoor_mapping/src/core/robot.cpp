@@ -243,6 +243,8 @@ void Robot::report_sim() {
   }
   status.free_ram = hardware_.free_ram();
   status.bad_lines = decoder_.bad();
+  status.pitch_cdeg = odometry_.tilt().pitch_cdeg();
+  status.roll_cdeg = odometry_.tilt().roll_cdeg();
   send(status);
 }
 
