@@ -39,7 +39,7 @@ const uint8_t kImuAddress = 0x68;
 const int kConnectLeft = 2, kConnectRight = 4;  // lower bit of each compare output in TCCR5A
 
 enum Register {
-  kDdrA = 0x21, kPortA = 0x22, kMcusr = 0x54,
+  kDdrA = 0x21, kPortA = 0x22, kMcusr = 0x54, kTwcr = 0xBC,
   kDdrL = 0x10A, kPortL = 0x10B, kTccr5a = 0x120, kOcr5b = 0x12A, kOcr5c = 0x12C,
 };
 
@@ -68,7 +68,7 @@ struct AvrOutputs {
   uint32_t fired;       // sonars triggered since they were last taken, one bit each
   uint32_t resets;      // by the watchdog
   uint32_t latency;     // worst so far, in cycles: from an interrupt's cause to its first instruction
-  uint64_t cycles, asleep;
+  uint64_t cycles, asleep, interrupts;  // since power-on: all, sleeping, in interrupts
   uint32_t tx_length;   // bytes waiting in tx
   char tx[kTxSize];
 };
@@ -88,7 +88,8 @@ struct AvrBoard {
   uint8_t pointer;
   bool imu_answers, selected, pointer_known;
   uint32_t battery_mv;
-  uint64_t pending_since[64];
+  uint64_t pending_since[64], running_since;
+  bool imu_hangs;
 };
 
 }  // extern "C"
@@ -191,6 +192,8 @@ void on_twi(avr_irq_t*, uint32_t value, void* parameter) {
   if (kind & TWI_COND_START) {
     b->selected = b->imu_answers && message.u.twi.addr >> 1 == kImuAddress;
     b->pointer_known = false;
+    if (b->imu_hangs) b->avr->data[kTwcr] &= static_cast<uint8_t>(~1);
+    b->imu_hangs = false;
     if (b->selected) avr_raise_irq(b->twi_in, avr_twi_irq_msg(TWI_COND_ACK, message.u.twi.addr, 1));
   }
   if (!b->selected) return;
@@ -213,8 +216,13 @@ void on_pending(avr_irq_t* irq, uint32_t value, void* parameter) {
 
 void on_running(avr_irq_t* irq, uint32_t value, void* parameter) {
   AvrBoard* b = static_cast<AvrBoard*>(parameter);
+  if (!value) {
+    b->out.interrupts += b->avr->cycle - b->running_since;
+    return;
+  }
+  b->running_since = b->avr->cycle;
   uint64_t& since = b->pending_since[irq->irq >> 8 & 63];
-  if (!value || !since) return;
+  if (!since) return;
   const uint32_t latency = static_cast<uint32_t>(b->avr->cycle - since);
   if (latency > b->out.latency) b->out.latency = latency;
   since = 0;
@@ -412,6 +420,9 @@ void avr_board_imu(AvrBoard* b, int ax, int ay, int az, int gx, int gy, int gz) 
 }
 
 void avr_board_imu_unplug(AvrBoard* b) { b->imu_answers = false; }
+
+// The next transfer never ends: simavr cannot hold the clock line, so the interrupt that would tell of it is taken away
+void avr_board_imu_hang(AvrBoard* b) { b->imu_hangs = true; }
 
 // The pulse of a sonar, from now on
 void avr_board_echo(AvrBoard* b, int sonar, int width_us) {

@@ -83,6 +83,7 @@ class _Outputs(ctypes.Structure):
     latency: int
     cycles: int
     asleep: int
+    interrupts: int
     tx_length: int
     _fields_ = (
         ("pwm_left", ctypes.c_int32),
@@ -93,6 +94,7 @@ class _Outputs(ctypes.Structure):
         ("latency", ctypes.c_uint32),
         ("cycles", ctypes.c_uint64),
         ("asleep", ctypes.c_uint64),
+        ("interrupts", ctypes.c_uint64),
         ("tx_length", ctypes.c_uint32),
         ("tx", ctypes.c_char * _TX_BYTES),
     )
@@ -112,6 +114,7 @@ def _library() -> ctypes.CDLL:
     library.avr_board_alive.argtypes, library.avr_board_alive.restype = [pointer], number
     library.avr_board_imu.argtypes, library.avr_board_imu.restype = [pointer, *[number] * 6], None
     library.avr_board_imu_unplug.argtypes, library.avr_board_imu_unplug.restype = [pointer], None
+    library.avr_board_imu_hang.argtypes, library.avr_board_imu_hang.restype = [pointer], None
     library.avr_board_echo.argtypes, library.avr_board_echo.restype = [pointer, number, number], None
     library.avr_board_inputs.argtypes, library.avr_board_inputs.restype = [pointer, *[number] * 5], None
     library.avr_board_serial_write.argtypes = [pointer, ctypes.c_char_p, number]
@@ -182,6 +185,10 @@ class AvrBoard:
         """The MPU-6050 answers no more; with the next `imu` it is back, as after power-on."""
         self._avr.avr_board_imu_unplug(self._board)
 
+    def imu_hang(self) -> None:
+        """The next transfer to the MPU-6050 never ends by itself."""
+        self._avr.avr_board_imu_hang(self._board)
+
     def bumper(self, pressed: bool) -> None:
         self._set(0, pressed)
 
@@ -221,6 +228,11 @@ class AvrBoard:
     def busy_share(self) -> float:
         """Share of its time that the processor was not asleep, since power-on."""
         return 1.0 - self._out.asleep / max(self._out.cycles, 1)
+
+    @property
+    def interrupt_share(self) -> float:
+        """Share of its time spent in interrupts, since power-on."""
+        return float(self._out.interrupts / max(self._out.cycles, 1))
 
     @property
     def worst_interrupt_latency_us(self) -> float:

@@ -50,8 +50,8 @@ def main() -> int:
     size = subprocess.check_output(["avr-size", build_avr_firmware()], text=True).splitlines()[1].split()
     sys.stdout.write(
         f"flash {int(size[0]) + int(size[1])} bytes, variables {int(size[1]) + int(size[2])} bytes\n"
-        f"processor busy {100 * board.busy_share:.0f} %, worst interrupt latency "
-        f"{board.worst_interrupt_latency_us:.0f} us\n"
+        f"processor: control loop {100 * (board.busy_share - board.interrupt_share):.0f} %, interrupts "
+        f"{100 * board.interrupt_share:.0f} %, worst interrupt latency {board.worst_interrupt_latency_us:.0f} us\n"
         f"memory never touched {board.untouched_ram} bytes of 8192\n"
         f"line {bytes_per_s:.0f} bytes/s, {100 * bytes_per_s * BITS_PER_BYTE / BAUD:.0f} % of {BAUD} baud\n"
     )

@@ -6,7 +6,8 @@ import pytest
 
 from common.constants import ENCODER_TICKS_PER_TURN, WHEEL_DIAMETER_M
 from offboard.simulator.avr_board import AvrBoard, build_avr_firmware
-from onboard.bridge.protocol import STOP_BYTE, CarState, Hello, OdoFlag, ResetCause, Rng, SimSta
+from onboard.bridge.line_protocol import LineDecoder
+from onboard.bridge.protocol import STOP_BYTE, CarSta, CarState, Hello, OdoFlag, ResetCause, Rng, SimSta
 from tests.firmware.bench import STEP_US, Bench
 
 MEDIUM, HIGH = 1, 2
@@ -130,6 +131,26 @@ def test_imu_that_lost_its_power_for_a_moment_is_set_up_anew(avr: AvrBoard) -> N
     bench.run(0.5)
     assert [m.error for m in bench.received if isinstance(m, SimSta)][-1] == 0
     assert bench.odo.rate_cdps == pytest.approx(0, abs=20)
+
+
+def test_a_hanging_imu_bus_is_freed_before_anybody_notices(avr: AvrBoard) -> None:
+    bench = Bench(avr)
+    bench.run(2.5)
+    bench.received.clear()
+    for _ in range(5):
+        avr.imu_hang()
+        bench.run(0.3)
+    assert {m.error for m in bench.received if isinstance(m, SimSta)} == {0}
+    assert bench.odo.flags & OdoFlag.CALIBRATED
+
+
+def test_an_imu_that_never_answers_is_a_fault(avr: AvrBoard) -> None:
+    avr.imu_unplug()
+    for n in range(1, 100):
+        avr.run(n * STEP_US)
+    said = [r.message for r in LineDecoder().feed(avr.serial_read())]
+    assert [m.error for m in said if isinstance(m, SimSta)][-1] == 102
+    assert [m.state for m in said if isinstance(m, CarSta)][-1] == CarState.FAULT
 
 
 def test_battery_and_switches_reach_the_reports(avr: AvrBoard) -> None:

@@ -8,6 +8,7 @@ import subprocess
 import pytest
 
 from offboard.simulator import avr_board
+from offboard.simulator.board import FirmwareBuildError
 
 FLASH_MAX = 60_000
 STATIC_RAM_MAX = 4_096
@@ -43,3 +44,9 @@ def test_sketch_folder_keeps_the_rules_of_the_ide() -> None:
     assert (sketch / f"{sketch.name}.ino").is_file()
     assert [path.name for path in sketch.iterdir() if path.name not in ("src", f"{sketch.name}.ino")] == []
     assert sorted(path.name for path in sketch.rglob("*.ino")) == [f"{sketch.name}.ino"]
+
+
+def test_missing_tools_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(avr_board, "missing_tools", lambda: True)
+    with pytest.raises(FirmwareBuildError, match=r"^[^.]*: apt install gcc-avr .*$"):
+        avr_board.build_avr_firmware()
