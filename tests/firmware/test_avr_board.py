@@ -55,6 +55,17 @@ def test_stop_byte_turns_the_motors_off_within_two_milliseconds(avr: AvrBoard, b
     assert bench.car.state == CarState.STOPPED
 
 
+def test_stop_byte_works_while_the_loop_hangs(avr_tools: None) -> None:
+    """It is the receive interrupt that acts, not the decoder behind it."""
+    board = AvrBoard(elf=build_avr_firmware("endless_loop_1", "-DPLANT_ENDLESS_LOOP=1"))
+    bench = Bench(board)
+    bench.arm()
+    bench.drive(1, MEDIUM, 0.0)
+    bench.run_until(lambda: bench.pwm[0] > 0, 1.0)
+    board.serial_write(STOP_BYTE)
+    assert time_to_off_us(bench, 20_000) <= 2_000
+
+
 def test_motors_are_off_soon_after_the_heartbeats_stop(avr: AvrBoard) -> None:
     bench = driving(avr, HIGH)
     bench.run_until(lambda: bench.now_us % 100_000 == STEP_US)
