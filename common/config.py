@@ -69,6 +69,12 @@ class PlannerSection:
 
 
 @dataclass(frozen=True, slots=True)
+class VisualizerSection:
+    host: str = "127.0.0.1"  # where the page is served; "0.0.0.0" shows it to the whole network
+    port: int = 8080  # 0: any free one
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     robot: RobotSection = field(default_factory=RobotSection)
     mesh: MeshSection = field(default_factory=MeshSection)
@@ -77,6 +83,7 @@ class Config:
     sonars: SonarsSection = field(default_factory=SonarsSection)
     comm: CommSection = field(default_factory=CommSection)
     planner: PlannerSection = field(default_factory=PlannerSection)
+    visualizer: VisualizerSection = field(default_factory=VisualizerSection)
 
 
 _NAMES = {str: "text in quotes", int: "a whole number", float: "a number", bool: "true or false"}
@@ -117,6 +124,8 @@ def _check(config: Config, file: str) -> None:
     for key, length_m in (("diameter_m", config.wheels.diameter_m), ("track_m", config.wheels.track_m)):
         if not 0.01 < length_m < 2.0:
             raise ConfigError(f"{file}: wheels.{key} must be between 0.01 and 2 metres, not {length_m}.")
+    if not 0 <= config.visualizer.port <= 65535:
+        raise ConfigError(f"{file}: visualizer.port must be between 0 and 65535, not {config.visualizer.port}.")
     count = len(config.sonars.bearings_deg)
     if count != SONAR_COUNT:
         raise ConfigError(f"{file}: sonars.bearings_deg must hold {SONAR_COUNT} angles, not {count}.")

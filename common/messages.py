@@ -402,9 +402,7 @@ STATUS: dict[str, Topic[Status]] = {}
 LOG: dict[str, Topic[LogLine]] = {}
 for _module in ("sim", "car", "bridge", "mmu", "planner", "poi", "comm", "recorder", "visualizer", "command_center"):
     _flows = "lfc_cm_cc lfc_vsl_cc" if _module == "visualizer" else "lfc_cm_cc"
-    STATUS[_module] = _topic(
-        f"{_module}/status", Status, STATUS_RATE_HZ, Stance.LATEST, "comm recorder command_center", _flows
-    )
+    STATUS[_module] = _topic(f"{_module}/status", Status, STATUS_RATE_HZ, Stance.LATEST, f"comm {OFFBOARD}", _flows)
     LOG[_module] = _topic(f"{_module}/log", LogLine, 0.0, Stance.EVENT, "recorder command_center", _flows)
 
 TOPICS: tuple[Topic[object], ...] = tuple(_TOPICS.values())

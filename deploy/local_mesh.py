@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, config_text
+from common.config import BridgeSection, Config, MeshSection, VisualizerSection, config_text
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, PlannerView
@@ -47,22 +47,20 @@ class Interrupted(Exception):
     """Somebody wants the mesh to end before the mission does."""
 
 
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+def free_port(usual: int | None = None) -> int:
+    """The usual port of the loopback interface where it is free, else any that is."""
+    for port in (0,) if usual is None else (usual, 0):
+        with socket.socket() as probe, suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
+            found: int = probe.getsockname()[1]
+            return found
+    raise StartError("The loopback interface has no free port: end some programs, then start again.")
 
 
-def usual_endpoint() -> str:
-    """The router's usual address where it is free, so that `estop` and the others need no configuration; else any."""
-    usual = MeshSection().router
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", int(usual.rsplit(":", 1)[1])))
-        except OSError:
-            return free_endpoint()
-    return usual
+def usual_port() -> int:
+    """Of the router: so that `estop` and the others need no configuration."""
+    return int(MeshSection().router.rsplit(":", 1)[1])
 
 
 def run_local(options: RunOptions) -> int:
@@ -108,10 +106,12 @@ class LocalRun:
         self._serial = self._work / "serial"
         for left_over in (self._serial, self._work / "stop_latch.json", *self._work.glob(f"*{STEPS_SUFFIX}")):
             left_over.unlink(missing_ok=True)
-        endpoint = free_endpoint() if options.headless else usual_endpoint()
+        # Headless runs go side by side, and between looking for a free port and taking it another could take it
+        router, page = (None, None) if options.headless else (usual_port(), VisualizerSection().port)
         self._config = Config(
-            mesh=MeshSection(router=endpoint),
+            mesh=MeshSection(router=f"tcp/127.0.0.1:{free_port(router)}"),
             bridge=BridgeSection(serial_port=str(self._serial)),
+            visualizer=VisualizerSection(port=free_port(page)),
         )
         self._config_file = self._work / "robot.toml"
         self._config_file.write_text(config_text(self._config), encoding="utf-8")
@@ -128,7 +128,8 @@ class LocalRun:
         bus.latest(PLAN)
         self._await_ready(bus)
         self._supervisor.settled = True
-        print("All modules are ready.", flush=True)
+        page = self._config.visualizer
+        print(f"All modules are ready. The live map: http://{page.host}:{page.port}/", flush=True)
         if self._options.headless:
             self._start_mission(bus)
         else:
@@ -163,7 +164,7 @@ class LocalRun:
         arguments = ["--config", str(self._config_file), "--log-dir", str(self._work)]
         if options.speed != 1.0:
             arguments += ["--clock", "shared"]
-        if spec.name == "recorder":
+        if spec.name in ("recorder", "visualizer"):
             arguments += ["--run-dir", str(self._folder)]
         if spec.name == "simulator":
             arguments += ["--floor", str(options.floor.resolve()), "--start", str(options.start)]

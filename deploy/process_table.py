@@ -20,5 +20,6 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ProcessSpec("mmu", "onboard.mmu", "beaglebone"),
     ProcessSpec("planner", "onboard.planner", "beaglebone"),
     ProcessSpec("recorder", "offboard.recorder", "laptop"),
+    ProcessSpec("visualizer", "offboard.visualizer", "laptop"),
 )
 BY_NAME = {spec.name: spec for spec in PROCESSES}

@@ -4,6 +4,7 @@
 ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 PYTHON="$ROOT/.venv/bin/python"
 DEBIAN_PACKAGES=(g++ libegl1 libgl1-mesa-dri)
+TEST_PACKAGES=(chromium) # what the robot does without, and its tests do not
 
 say() { printf '%s\n' "$*" >&2; }
 
@@ -22,11 +23,15 @@ need_debian() {
     "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive "${install[@]}" >&2
 }
 
-missing_debian() {
+not_installed() {
     local package
-    for package in "${DEBIAN_PACKAGES[@]}"; do
+    for package in "$@"; do
         dpkg-query -W -f '${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || printf '%s\n' "$package"
     done
+}
+
+missing_debian() {
+    not_installed "${DEBIAN_PACKAGES[@]}"
     python3 -c 'import ensurepip, venv' 2>/dev/null || printf '%s\n' python3-venv
 }
 
@@ -56,4 +61,14 @@ set_up() {
     "$PYTHON" -m pip install -q --disable-pip-version-check -c "$ROOT/constraints.txt" \
         -e "$ROOT[mapping,sim,vision,laptop,dev]" >&2
     printf '%s\n' "$wanted" >"$stamp"
+}
+
+set_up_tests() {
+    local missing
+    if command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; then
+        mapfile -t missing < <(not_installed "${TEST_PACKAGES[@]}")
+        if [ "${#missing[@]}" -gt 0 ]; then
+            need_debian "${missing[@]}"
+        fi
+    fi
 }

@@ -5,6 +5,7 @@ set -euo pipefail
 # shellcheck source=deploy/setup.sh
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 set_up
+set_up_tests
 if [ "${1:-}" = "--setup-only" ]; then
     exit 0
 fi

@@ -102,11 +102,16 @@ def write_tum(path: Path, times_s: FloatArray, poses: FloatArray) -> None:
     write_atomically(path, "".join(f"{line}\n" for line in lines).encode())
 
 
-def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> None:
-    """Wall points (N, 2) and their marks (N,); replaces the file."""
+def map_points_text(points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> str:
+    """Wall points (N, 2) and their marks (N,) as a map_points.csv holds them."""
     rows = zip(points_m.tolist(), inferred.tolist(), strict=True)
     body = "".join(f"{x:.3f},{y:.3f},{mark}\n" for (x, y), mark in rows)
-    write_atomically(path, f"{MAP_HEADER}\n{body}".encode())
+    return f"{MAP_HEADER}\n{body}"
+
+
+def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> None:
+    """Wall points (N, 2) and their marks (N,); replaces the file."""
+    write_atomically(path, map_points_text(points_m, inferred).encode())
 
 
 def read_map_points(path: Path) -> tuple[Points, npt.NDArray[np.uint8]]:

@@ -110,7 +110,7 @@ def trail(trajectory: FloatArray) -> Points:
     return np.array(kept).reshape(-1, 2)
 
 
-def _frame(data: MapData) -> tuple[float, float, float, float]:
+def frame(data: MapData) -> tuple[float, float, float, float]:
     """Base point and size in whole metres around everything there is."""
     pois = np.array([[poi["x_m"], poi["y_m"]] for poi in data.pois], dtype=np.float64).reshape(-1, 2)
     everything = np.concatenate([data.points_m, data.trajectory[:, :2], pois, np.zeros((1, 2))])
@@ -162,7 +162,7 @@ def _scale_bar(x0_m: float, y0_m: float) -> tuple[list[Line], list[Label]]:
 
 def draw(data: MapData) -> Drawing:
     """Everything that either picture shows."""
-    x0_m, y0_m, width_m, height_m = _frame(data)
+    x0_m, y0_m, width_m, height_m = frame(data)
     x1_m, y1_m = x0_m + width_m, y0_m + height_m
     path = trail(data.trajectory)
     echoed = data.inferred == 0
