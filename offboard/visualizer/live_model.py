@@ -37,7 +37,7 @@ from common.messages import (
 )
 from offboard.recorder.map_assembly import MapAssembly
 from offboard.recorder.run_folder import MapData
-from offboard.tools.export import frame
+from offboard.tools.map_frame import frame
 from offboard.visualizer.poi_store import PoiRecord, record_of
 
 TRAIL_STEP_M = 0.05

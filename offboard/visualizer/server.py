@@ -9,7 +9,7 @@ import asyncio
 import re
 import socket
 import threading
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from ipaddress import ip_address
 from pathlib import Path
@@ -28,8 +28,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from common.errors import StartError
-from offboard.recorder.run_folder import MapData, map_points_text
-from offboard.tools.export import as_png, as_svg
+from offboard.recorder.run_folder import map_points_text
 from offboard.visualizer import protocol
 from offboard.visualizer.feed import Client, Feed
 
@@ -40,11 +39,7 @@ _START_TIMEOUT_S = 10.0
 # A browser that obeys it cannot ask anybody else for anything
 _POLICY = "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 
-_EXPORTS: Mapping[str, tuple[str, Callable[[MapData], str | bytes]]] = {
-    "svg": ("image/svg+xml", as_svg),
-    "png": ("image/png", as_png),
-    "csv": ("text/csv", lambda data: map_points_text(data.points_m, data.inferred)),
-}
+_EXPORTS = {"svg": "image/svg+xml", "png": "image/png", "csv": "text/csv"}
 
 
 class _Headers:
@@ -160,9 +155,16 @@ class PageServer:
         form = request.path_params["form"]
         if form not in _EXPORTS:
             return PlainTextResponse(f"No export as {form}; choose from {', '.join(_EXPORTS)}.", 404)
-        media_type, render = _EXPORTS[form]
+        from offboard.tools import export  # here, because SciPy would make the page wait at every start
+
+        data = self._feed.map_data()
+        content: str | bytes
+        if form == "csv":
+            content = map_points_text(data.points_m, data.inferred)
+        else:
+            content = export.as_svg(data) if form == "svg" else export.as_png(data)
         name = {"Content-Disposition": f'attachment; filename="{self._robot}-map.{form}"'}
-        return Response(render(self._feed.map_data()), media_type=media_type, headers=name)
+        return Response(content, media_type=_EXPORTS[form], headers=name)
 
     async def _live(self, page: WebSocket) -> None:
         if not _same_origin(page):

@@ -44,7 +44,9 @@ function centre(poi, focus = false) {
   [map.view.x, map.view.y] = [poi.x_m, poi.y_m];
   map.view.scale = Math.max(map.view.scale, CLOSE_UP);
   map.draw();
-  if (focus) document.querySelector(`.marker[data-poi="${poi.poi_id}"]`)?.focus();
+  if (!focus) return;
+  $("stage").scrollIntoView({ block: "nearest" });
+  document.querySelector(`.marker[data-poi="${poi.poi_id}"]`)?.focus();
 }
 
 function take(channel, message) {

@@ -28,7 +28,7 @@ function set(element, text) {
 }
 
 function icon(element, name) {
-  const href = `icons.svg#${name}`;
+  const href = `#i-${name}`;
   const use = element.querySelector("use");
   if (use.getAttribute("href") !== href) use.setAttribute("href", href);
 }
