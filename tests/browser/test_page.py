@@ -65,7 +65,7 @@ def test_old_data_are_marked_stale_and_the_map_turns_grey(robot: Robot, visit: O
     robot.floor()
     seen = visit(robot)
     seen.until_live(robot)
-    alert = seen.page.get_by_role("alert")
+    alert = seen.page.locator("#banner")
     robot.late_s += 60.0
     seen.until_link("silent")
     expect(alert).to_contain_text("STALE: nothing from the robot for 60 s. Last known position and map, 60 s old.")
@@ -102,7 +102,7 @@ def test_a_restarted_server_fills_the_page_again(visit: Open) -> None:
     seen.until_live(first)
     first.server.close()
     seen.until_link("lost")
-    expect(seen.page.get_by_role("alert")).to_contain_text("Last known position")
+    expect(seen.page.locator("#banner")).to_contain_text("Last known position")
     second = Robot(first.server.port)
     try:
         second.floor()

@@ -91,6 +91,7 @@ const KEYS = { "+": "in", "=": "in", "-": "out", 0: "fit", f: "follow", 1: "scal
 function key(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
   if (event.target.matches("input, select")) return;
+  if (event.key === "Escape") $("export").open = false;
   if (event.key === "/") {
     event.preventDefault();
     $("search").focus();

@@ -5,13 +5,14 @@ import { STALE_S } from "./model.js";
 const PHASES = { WAITING: "wait", HOME: "return", ALIGN: "return", DONE: "done" }; // the rest explores
 const $ = (id) => document.getElementById(id);
 
+// Sign and word of the link, and what is read out when it comes to that
 const LINKS = {
-  connecting: ["ring", "Connecting"],
-  waiting: ["ring", "Waiting for the robot"],
-  live: ["dot", "Live"],
-  stale: ["warning", "STALE"],
-  silent: ["warning", "STALE"],
-  lost: ["cross", "No connection"],
+  connecting: ["ring", "Connecting", ""],
+  waiting: ["ring", "Waiting for the robot", ""],
+  live: ["dot", "Live", "Live again."],
+  stale: ["warning", "STALE", "Stale: the mapping unit is silent."],
+  silent: ["warning", "STALE", "Stale: nothing from the robot."],
+  lost: ["cross", "No connection", "No connection to this page's server."],
 };
 
 const MEMORY_KB = 1024;
@@ -48,8 +49,9 @@ export class Panel {
   #showLink() {
     const { model } = this;
     const state = model.state;
+    const [sign, word, said] = LINKS[state];
+    if (said !== LINKS.live[2] || $("said").textContent) set($("said"), said);
     document.body.dataset.link = state;
-    const [sign, word] = LINKS[state];
     icon($("link"), sign);
     set($("link").querySelector("span"), word);
     const text = this.#warning(state);
@@ -76,7 +78,8 @@ export class Panel {
     const live = this.model.state === "live";
     const phase = plan ? (PHASES[plan.mode] ?? "explore") : "wait";
     const detail = plan ? plan.detail : "waiting for the robot";
-    set($("mission-state"), detail.charAt(0).toUpperCase() + detail.slice(1));
+    const known = live || !plan ? detail : `last known: ${detail}`;
+    set($("mission-state"), known.charAt(0).toUpperCase() + known.slice(1));
     const items = [...$("phases").children];
     const at = items.findIndex((item) => item.dataset.phase === phase);
     items.forEach((item, k) => {
@@ -93,7 +96,7 @@ export class Panel {
 
   #showPermit(permit, live) {
     const element = $("permit");
-    element.hidden = !permit || !live;
+    element.dataset.known = Boolean(permit && live);
     if (!permit) return;
     element.dataset.granted = permit.granted;
     icon(element, permit.granted ? "check" : "stop");
@@ -134,11 +137,10 @@ export class Panel {
     row.dataset.health = health;
     icon(row, { well: "check", fault: "warning", silent: "cross", absent: "ring" }[health]);
     set(row.querySelector("b"), module.title);
-    const said = { absent: "not there", silent: `silent for ${since(age)}` }[health] ?? module.state;
+    const memory = module.memory_kb ? ` · ${(module.memory_kb / MEMORY_KB).toFixed(module.memory_kb < 10240 ? 1 : 0)} MB` : "";
+    const said = { absent: "not there", silent: `silent for ${since(age)}` }[health] ?? module.state + memory;
     set(row.querySelector("span"), said);
-    const memory = module.memory_kb ? `${(module.memory_kb / MEMORY_KB).toFixed(module.memory_kb < 10240 ? 1 : 0)} MB` : "";
-    const fault = module.error ? `${module.error}: ${module.meaning}; ${module.action}` : "";
-    set(row.querySelector("small"), [fault, fault ? "" : memory].filter(Boolean).join(" · "));
+    set(row.querySelector("small"), module.error ? `${module.error}: ${module.meaning}; ${module.action}` : "");
     row.title = module.detail || "";
   }
 }
