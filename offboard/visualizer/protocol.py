@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Iterator
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,20 @@ _UNKNOWN_ERROR = ErrorInfo("an error that this version does not know", "update t
 
 
 def text_frame(channel: str, **values: Any) -> str:
-    return json.dumps({"channel": channel} | values, separators=(",", ":"), ensure_ascii=False)
+    """A number that is none goes out as null: JSON has no other word for it."""
+    message = {"channel": channel} | values
+    try:
+        return json.dumps(message, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        return json.dumps(_without_nan(message), separators=(",", ":"), ensure_ascii=False)
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def binary_frame(channel: str, body: bytes, **values: Any) -> bytes:

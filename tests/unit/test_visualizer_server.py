@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 
 from common.bus import LocalMesh
 from common.errors import StartError
-from common.messages import MAP, POI, POSE, STATUS, MapUpdate, PointOfInterest, PoseEstimate
+from common.messages import GRID, MAP, POI, POSE, STATUS, GridUpdate, MapUpdate, PointOfInterest, PoseEstimate
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer
@@ -118,6 +118,22 @@ def test_heartbeats_come_while_nothing_else_does(server: PageServer) -> None:
     with live(server) as page:
         heard = [json.loads(m)["channel"] for m in (page.recv(timeout=5) for _ in range(8)) if isinstance(m, str)]
     assert heard.count("heartbeat") >= 3
+
+
+def test_a_page_that_does_not_read_is_later_given_the_newest_and_no_queue(server: PageServer, feed: Feed) -> None:
+    size, count = 300_000, 100
+    with live(server, max_queue=1, max_size=None) as page:
+        until(lambda: server.pages == 1)
+        for k in range(1, count + 1):
+            feed.take(GRID, GridUpdate(0.0, k, 0.0, 0.0, 0.05, 10, k, bytes(size)))
+            time.sleep(0.002)
+        got = []
+        while not got or got[-1] < count:
+            message = page.recv(timeout=5)
+            if isinstance(message, bytes):
+                head = json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])
+                got += [head["columns"]] if head["channel"] == "grid" else []
+    assert len(got) < count / 2
 
 
 def test_closing_ends_the_server_while_pages_look(feed: Feed) -> None:

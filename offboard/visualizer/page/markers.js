@@ -2,7 +2,9 @@
 
 import { spoken } from "./poi_text.js";
 
-const LABEL_FROM = 16; // CSS pixels per metre: below it the numbers would cover each other
+const LABEL_FROM = 14; // CSS pixels per metre: below it there is no room for numbers
+const LABEL_HEIGHT = 18;
+const LETTER = 8;
 
 export class Markers {
   constructor(host, onOpen) {
@@ -44,11 +46,16 @@ export class Markers {
 
   place(view, selected) {
     this.host.classList.toggle("labelled", view.scale >= LABEL_FROM);
+    const taken = []; // [x, y, width] of the labels so far: one that would cover another is left out
     for (const poi of this.pois) {
       const button = this.buttons.get(poi.poi_id);
       const [x, y] = view.toScreen(poi.x_m, poi.y_m);
+      const width = LETTER * (poi.number.length + 2);
+      const free = taken.every(([a, b, w]) => Math.abs(a - x) > (w + width) / 2 || Math.abs(b - y) > LABEL_HEIGHT);
+      if (free) taken.push([x, y, width]);
       button.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
       button.classList.toggle("selected", poi.poi_id === selected);
+      button.classList.toggle("crowded", !free);
     }
   }
 }

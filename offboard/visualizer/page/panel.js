@@ -88,7 +88,7 @@ export class Panel {
       else item.removeAttribute("aria-current");
     });
     this.#showPermit(permit, live);
-    set($("area"), plan ? `${plan.area_m2.toFixed(0)} m²` : "–");
+    set($("area"), plan && plan.area_m2 !== null ? `${plan.area_m2.toFixed(0)} m²` : "–");
     set($("driven"), this.model.trail.length ? `${driven.toFixed(driven < 100 ? 1 : 0)} m` : "–");
     set($("halls"), plan ? String(plan.halls_open) : "–");
     set($("position"), pose ? this.words(pose) + (live ? "" : ` (${since(this.model.age("pose"))} ago)`) : "–");
