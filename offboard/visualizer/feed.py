@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from common.messages import Topic
+from common.messages import Status, Topic
 from offboard.recorder.run_folder import MapData
 from offboard.visualizer import protocol
 from offboard.visualizer.live_model import LiveModel
@@ -31,7 +31,9 @@ class Feed:
     def take(self, topic: Topic[Any], message: Any) -> None:
         with self._lock:
             self._model.take(topic, message, self._clock())
-        self.on_change()
+        # Statuses go out with the heartbeat: a hundred a second need wake nobody
+        if not isinstance(message, Status):
+            self.on_change()
 
     def refresh_pois(self) -> None:
         """Take in what the recorder has kept since the last call."""

@@ -136,7 +136,7 @@ class PageServer:
 
     def _wake(self) -> None:
         loop = self._loop
-        if loop is not None and not loop.is_closed():
+        if self._waiting and loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(self._wake_clients)
 
     def _wake_clients(self) -> None:

@@ -68,9 +68,11 @@ def test_old_data_are_marked_stale_and_the_map_turns_grey(robot: Robot, visit: O
     alert = seen.page.locator("#banner")
     robot.late_s += 60.0
     seen.until_link("silent")
-    expect(alert).to_contain_text("STALE: nothing from the robot for 60 s. Last known position and map, 60 s old.")
+    expect(alert).to_contain_text(
+        re.compile(r"STALE: nothing from the robot for 6\d s\. Last known position and map, 6\d s old\.")
+    )
     assert "grayscale" in seen.page.locator("#base").evaluate("canvas => getComputedStyle(canvas).filter")
-    expect(seen.page.locator("#position")).to_contain_text("60 s ago")
+    expect(seen.page.locator("#position")).to_contain_text(re.compile(r"6\d s ago"))
     seen.until_live(robot)
     expect(alert).to_be_hidden()
 
