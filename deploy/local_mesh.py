@@ -34,6 +34,7 @@ from offboard.tools.summary import RunFacts, StepTimes, write_summary
 SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0
 RECORDER_TIMEOUT_S = 30.0
+RECORDED_TIMEOUT_S = 10.0
 _POLL_S = 0.1
 _START_POLL_S = 0.02
 _PROGRESS_PERIOD_S = 5.0
@@ -110,7 +111,7 @@ class LocalRun:
             left_over.unlink(missing_ok=True)
         endpoint = free_endpoint() if options.headless else usual_endpoint()
         self._config = Config(
-            mesh=MeshSection(router=endpoint),
+            mesh=MeshSection(router=endpoint, laptop_router=free_endpoint()),
             bridge=BridgeSection(serial_port=str(self._serial)),
         )
         self._config_file = self._work / "robot.toml"
@@ -224,6 +225,7 @@ class LocalRun:
                     self._start_again(bus, view)
                 if view.finished:
                     print("The mission is finished.", flush=True)
+                    self._await_recorded(bus)
                     return
                 if time.monotonic() >= next_s and self._began_s is not None:
                     next_s = time.monotonic() + _PROGRESS_PERIOD_S
@@ -249,6 +251,18 @@ class LocalRun:
             f"{mission_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, {view.detail}{standing}",
             flush=True,
         )
+
+    def _await_recorded(self, bus: ZenohBus) -> None:
+        """The end of the mission must be in the database; a recorder that cannot is not waited for long."""
+
+        def recorded() -> bool:
+            status = bus.latest(STATUS["recorder"])
+            return status is not None and status.state == "finished"
+
+        try:
+            self._until(recorded, RECORDED_TIMEOUT_S, lambda: "The recorder did not get the end of the mission.")
+        except ProcessFailed as failure:
+            _log.warning("%s", failure)
 
     def _end_in_order(self) -> None:
         """The recorder first: it writes what it holds. Then the simulator, for the true path."""

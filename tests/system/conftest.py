@@ -46,7 +46,8 @@ class Mesh:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.config = Config(
-            mesh=MeshSection(router=free_endpoint()), bridge=BridgeSection(serial_port=str(folder / "serial"))
+            mesh=MeshSection(router=free_endpoint(), laptop_router=free_endpoint()),
+            bridge=BridgeSection(serial_port=str(folder / "serial")),
         )
         self.config_file = folder / "robot.toml"
         self.config_file.write_text(config_text(self.config), encoding="utf-8")
