@@ -186,6 +186,10 @@ class ZenohBus:
         """The modules whose Zenoh runtime lives; that says nothing yet about their own loop."""
         return frozenset(self._tokens.copy())
 
+    def published(self) -> dict[tuple[str, int], int]:
+        """What went out so far: topic and boot id -> newest sequence number."""
+        return {(key, self._boot_id): outbox.sequence for key, outbox in self._outboxes.copy().items()}
+
     def publish(self, topic: Topic[P], payload: P) -> None:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:

@@ -17,6 +17,7 @@ from common.bus import Bus
 from common.disk_worker import DiskWorker
 from common.frames import Frame, Losses
 from common.messages import LOG, OUTBOX, RECEIPT, ROBOT_RECORDED, STATUS, OutboxPiece, OutboxReceipt
+from onboard.comm.last_words import LastWords
 from onboard.comm.outbox_store import OutboxStore, Rows, Turn, open_store
 
 ROW_PERIOD_S = 0.25
@@ -28,6 +29,10 @@ THINNED_TO = 10
 
 FILE_NAME = "outbox.sqlite"
 _THINNED = frozenset(topic.key for table in (STATUS, LOG) for topic in table.values())
+
+# The recorder stores its own itself; what it could not, being killed, is here
+_OF_RECORDER = (STATUS["recorder"], LOG["recorder"])
+_RECORDER_KEYS = frozenset(topic.key for topic in _OF_RECORDER)
 
 _log = logging.getLogger("comm")
 
@@ -41,6 +46,7 @@ class Outbox:
         self._limit_bytes = limit_bytes
         self._disk: DiskWorker[Turn] = DiskWorker("outbox", at_once=new_id is not None)
         self._tapped = False
+        self._last_words = LastWords(_RECORDER_KEYS)
         self._heard = dict(self._store.heard)
         self._waiting: list[Frame] = []
         self._waiting_bytes = 0
@@ -69,7 +75,7 @@ class Outbox:
 
     def step(self, bus: Bus, now_s: float) -> None:
         if not self._tapped:
-            bus.tap(ROBOT_RECORDED, self._heard)
+            bus.tap((*ROBOT_RECORDED, *_OF_RECORDER), self._heard)
             self._tapped = True
         self._collect(bus)
         self._look_at_disk(now_s)
@@ -95,6 +101,9 @@ class Outbox:
         thinning = self.thinning
         for frame in bus.take_frames():
             source = (frame.key, frame.boot_id)
+            if frame.key in _RECORDER_KEYS:
+                self._waiting += self._last_words.hear(frame)
+                continue
             self._heard[source] = frame.sequence
             if thinning and frame.key in _THINNED and frame.sequence % THINNED_TO:
                 self._dropped[source] = self._dropped.get(source, 0) + 1
@@ -102,6 +111,8 @@ class Outbox:
             self._waiting.append(frame)
             self._waiting_bytes += len(frame.data)
         for source, count in bus.take_lost().items():
+            if source[0] in _RECORDER_KEYS:
+                continue
             _log.warning("messages were lost before the outbox topic=%s count=%d", source[0], count)
             self._dropped[source] = self._dropped.get(source, 0) + count
 
@@ -113,7 +124,7 @@ class Outbox:
             if self._disk_works:
                 _log.error("outbox cannot be written, messages wait in memory error=%s", outcome.error)
             self._disk_works = False
-            self._save_due_s = now_s + RETRY_S
+            self._save_due_s, self._removed = now_s + RETRY_S, 0
             return
         if not self._disk_works:
             _log.info("outbox can be written again")
@@ -123,10 +134,9 @@ class Outbox:
         self._stored_bytes = outcome.value.stored_bytes
         if self.thinning != was_thinning:
             _log.warning("outbox thinning=%s stored_bytes=%d", self.thinning, self._stored_bytes)
-        first, rows = outcome.value.first, self._rows
         # Rows that were appended meanwhile wait until those on their way are acknowledged
-        if first is None or rows is None or first.number != rows.number:
-            self._rows, self._offset, self._resend_due_s = first, 0, float("-inf")
+        if self._rows is None:
+            self._rows, self._offset, self._resend_due_s = outcome.value.first, 0, float("-inf")
 
     def _hear_receipt(self, bus: Bus) -> None:
         receipt, rows = bus.latest(RECEIPT), self._rows
@@ -166,7 +176,8 @@ class Outbox:
         self._save_due_s, self._next_rows_due = now_s + ROW_PERIOD_S, False
         heard, acknowledged = dict(self._heard), self._acknowledged
         self._removed = acknowledged
-        self._disk.begin(lambda: self._store.turn(frames, dropped, heard, acknowledged))
+        load = self._rows is None
+        self._disk.begin(lambda: self._store.turn(frames, dropped, heard, acknowledged, load=load))
 
     def _send_data(self, bus: Bus, now_s: float) -> None:
         rows = self._rows

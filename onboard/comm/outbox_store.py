@@ -39,7 +39,7 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """What the store looks like after its newest transaction."""
+    """What the store looks like after its newest transaction; its first rows where they were asked for."""
 
     stored_bytes: int
     first: Rows | None
@@ -86,8 +86,10 @@ class OutboxStore:
         """What an earlier life left."""
         return Turn(int(self._stored_bytes), self._first())
 
-    def turn(self, frames: Sequence[Frame], dropped: Losses, heard: Known, acknowledged: int) -> Turn:
-        """One transaction: store what came, remove all rows before `acknowledged`, say what is first now."""
+    def turn(
+        self, frames: Sequence[Frame], dropped: Losses, heard: Known, acknowledged: int, *, load: bool = False
+    ) -> Turn:
+        """One transaction: store what came, remove all rows before `acknowledged`; `load` what is first now."""
         stored_bytes = self._stored_bytes
         self._database.execute("BEGIN IMMEDIATE")
         try:
@@ -106,7 +108,7 @@ class OutboxStore:
                 self._database.execute("ROLLBACK")
             raise
         self._stored_bytes = stored_bytes
-        return Turn(int(stored_bytes), self._first())
+        return Turn(int(stored_bytes), self._first() if load else None)
 
     def close(self) -> None:
         self._database.close()

@@ -29,7 +29,7 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def until(condition: Callable[[], object], deadline_s: float = 10.0, what: str = "the condition") -> None:
+def until(condition: Callable[[], object], deadline_s: float = 10.0, what: object = "the condition") -> None:
     end_s = time.monotonic() + deadline_s
     while not condition():
         assert time.monotonic() < end_s, f"{what} did not come true within {deadline_s} s"

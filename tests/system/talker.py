@@ -53,7 +53,7 @@ class Talker:
     def close(self) -> None:
         if self._bus is None:
             return
-        said = [[key, self._bus._boot_id, sender.sequence] for key, sender in self._bus._outboxes.items()]
+        said = [[*source, newest] for source, newest in self._bus.published().items()]
         (self._folder / f"{self.name}.said").write_text(json.dumps(said), encoding="utf-8")
 
 

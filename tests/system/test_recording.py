@@ -11,14 +11,20 @@ import os
 import signal
 import sqlite3
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgpack
 import pytest
 
+from common.clock import FreeClock
+from common.config import load_config
+from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED
+from common.zenoh_bus import ZenohBus
 from offboard.recorder.run_database import RunReader
-from tests.system.conftest import Mesh, until
+from tests.system.conftest import ROOT, Mesh, children_of, environment, until
 
 pytestmark = pytest.mark.timeout(120)
 TALKER = Path(__file__).with_name("talker.py")
@@ -100,11 +106,8 @@ class Recording:
 
 
 @pytest.fixture
-def recording(mesh: Mesh) -> Iterator[Recording]:
-    made = Recording(mesh)
-    yield made
-    if os.environ.get("KEEP"):
-        subprocess.run(["cp", "-r", str(mesh.folder), os.environ["KEEP"]], check=False)
+def recording(mesh: Mesh) -> Recording:
+    return Recording(mesh)
 
 
 def more(recording: Recording, count: int) -> Callable[[], bool]:
@@ -145,3 +148,87 @@ def test_what_was_said_while_the_recorder_was_away_arrives_from_the_robots_disk(
     recording.start("recorder")
     until(lambda: recording.missing(said) == {}, 20.0, "the rest in the database")
     recording.assert_once_and_in_order(said)
+
+
+class Witness:
+    """Hears what all modules of a running `local` say, beside the recorder."""
+
+    def __init__(self, config_file: Path) -> None:
+        self.heard: Said = {}
+        self._bus = ZenohBus("witness", load_config(config_file), FreeClock())
+        self._bus.tap((*ROBOT_RECORDED, *LAPTOP_RECORDED), {})
+
+    def listen(self) -> None:
+        for frame in self._bus.take_frames():
+            self.heard[frame.key, frame.boot_id] = frame.sequence
+
+    def close(self) -> None:
+        self._bus.close()
+
+
+@pytest.fixture
+def local(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A headless run; `tmp_path / "run"` is its folder."""
+    arguments = ["local", "--floor", "straight", "--headless", "--out", str(tmp_path / "run")]
+    with (tmp_path / "output.txt").open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "deploy.cli", *arguments], env=environment(), cwd=ROOT, stdout=output, stderr=output
+        )
+    yield process
+    process.terminate()
+    process.wait(45.0)
+
+
+def rows_left_in_outbox(file: Path) -> Said:
+    """Newest sequence number of what the robot still had for the recorder."""
+    left: Said = {}
+    with sqlite3.connect(file) as database:
+        for (row,) in database.execute("SELECT data FROM rows ORDER BY number"):
+            for topic, boot_id, sequence, _ in msgpack.unpackb(row)[0]:
+                left[topic, boot_id] = sequence
+    return left
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_recorder_and_comm_killed_in_a_mission_leave_no_hole_and_no_double(
+    local: subprocess.Popen[str], tmp_path: Path
+) -> None:
+    run_dir = tmp_path / "run"
+    missing: Said = {}
+    output = tmp_path / "output.txt"
+    until(lambda: "mission has started" in output.read_text(encoding="utf-8"), 60.0, "the start")
+    witness = Witness(run_dir / "process" / "robot.toml")
+    try:
+        for victim in ("recorder", "comm", "recorder", "comm", "recorder"):
+            pid = children_of(run_dir)[victim]
+            os.kill(pid, signal.SIGKILL)
+
+            def back(victim: str = victim, pid: int = pid) -> bool:
+                witness.listen()
+                return children_of(run_dir).get(victim, pid) != pid
+
+            until(back, 20.0, f"the restart of {victim}")
+            heard = dict(witness.heard)
+
+            def stored(heard: Said = heard) -> bool:
+                witness.listen()
+                with RunReader(run_dir) as run:
+                    senders = run.senders()
+                behind = {s: newest for s, newest in heard.items() if senders.get(s, (0, 0))[0] < newest}
+                missing.clear()
+                missing.update(behind)
+                return not behind
+
+            until(stored, 30.0, missing)
+    finally:
+        witness.close()
+    local.terminate()
+    assert local.wait(45.0) == 130
+    with RunReader(run_dir) as run:
+        senders, dropped = run.senders(), run.dropped()
+    assert dropped == {}
+    assert {source: found for source, found in senders.items() if found[0] != found[1]} == {}
+    left = rows_left_in_outbox(run_dir / "process" / "outbox.sqlite")
+    newest = {source: max(found[0], left.get(source, 0)) for source, found in senders.items()}
+    behind = {s: said - newest.get(s, 0) for s, said in witness.heard.items() if said > newest.get(s, 0)}
+    assert {s for s in behind if s[0] not in {topic.key for topic in LAPTOP_RECORDED}} == set()
