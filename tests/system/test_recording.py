@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import signal
 import sqlite3
 import subprocess
@@ -18,15 +19,19 @@ from pathlib import Path
 
 import msgpack
 import pytest
+import zenoh
 
 from common.clock import FreeClock
-from common.config import load_config
-from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED
-from common.zenoh_bus import ZenohBus
+from common.codec import CODEC_VERSION, encode
+from common.config import Config, load_config
+from common.frames import MESSAGE_BYTES_MAX
+from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, TOPICS, Status
+from common.zenoh_bus import ZenohBus, session_config
 from offboard.recorder.run_database import RunReader
 from tests.system.conftest import ROOT, Mesh, children_of, environment, until
 
 pytestmark = pytest.mark.timeout(120)
+BLOCK = zenoh.CongestionControl.BLOCK
 TALKER = Path(__file__).with_name("talker.py")
 Said = dict[tuple[str, int], int]  # topic and boot id -> newest sequence number
 
@@ -232,3 +237,46 @@ def test_recorder_and_comm_killed_in_a_mission_leave_no_hole_and_no_double(
     newest = {source: max(found[0], left.get(source, 0)) for source, found in senders.items()}
     behind = {s: said - newest.get(s, 0) for s, said in witness.heard.items() if said > newest.get(s, 0)}
     assert {s for s in behind if s[0] not in {topic.key for topic in LAPTOP_RECORDED}} == set()
+
+
+def junk() -> list[bytes]:
+    """What is no message: random, cut off, of another version."""
+    chance = random.Random(1)
+    sound = encode(Status(1.0, "RUN", 0, 1, True, 1), 3, 77)
+    return [chance.randbytes(300), sound[:-4], msgpack.packb([CODEC_VERSION + 1, 1, 78, {}]), b""]
+
+
+def throw_at_every_topic(config: Config, payloads: list[bytes]) -> None:
+    with zenoh.open(session_config("client", config.mesh.router)) as stranger:
+        for topic in TOPICS:
+            for payload in payloads:
+                stranger.put(f"{config.robot.name}/{topic.key}", payload, congestion_control=BLOCK)
+
+
+def test_junk_on_every_topic_is_counted_and_reported_and_nothing_falls_over(recording: Recording) -> None:
+    throw_at_every_topic(recording.mesh.config, [*junk(), bytes(MESSAGE_BYTES_MAX + 1)])
+    until(more(recording, 50), 30.0, "messages in the database again")
+    for name in ("comm", "recorder"):
+        assert recording.mesh.processes[name].poll() is None
+
+    def reported() -> bool:
+        with RunReader(recording.run_dir) as run:
+            lines = [entry.line.text for entry in run.logs()]
+        return all(any(said in line for line in lines) for said in ("no message topic", "undecodable", "too many"))
+
+    until(reported, 20.0, "the report")
+    with RunReader(recording.run_dir) as run:
+        assert set(run.problems()) == {topic.key for topic in TOPICS if topic.recorded}
+    said = recording.silence()
+    with RunReader(recording.run_dir) as run:
+        assert {source: run.senders()[source] for source in said} == {s: (newest, newest) for s, newest in said.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_payload_of_100_megabytes_on_every_topic_changes_nothing(recording: Recording) -> None:
+    throw_at_every_topic(recording.mesh.config, [bytes(100_000_000)])
+    until(more(recording, 50), 120.0, "messages in the database again")
+    said = recording.silence()
+    with RunReader(recording.run_dir) as run:
+        assert {source: run.senders()[source] for source in said} == {s: (newest, newest) for s, newest in said.items()}
