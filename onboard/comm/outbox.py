@@ -22,7 +22,9 @@ from onboard.comm.outbox_store import OutboxStore, Rows, Turn, open_store
 
 ROW_PERIOD_S = 0.25
 PIECE_BYTES = 64_000
-RESEND_S = 0.5
+RESEND_S = 0.5  # without progress; doubled each time, or what is late on a slow link would be sent again and again
+RESEND_MAX_S = 4.0
+RECEIPT_SILENCE_S = 1.5  # a receipt after so long: the link, or the recorder, is back
 RETRY_S = 1.0  # after the disk refused
 WAITING_BYTES_MAX = 8_000_000  # in RAM, while the disk does not take them
 THINNED_TO = 10
@@ -61,6 +63,8 @@ class Outbox:
         self._receipt: OutboxReceipt | None = None
         self._offset = 0  # of the piece that is on its way
         self._resend_due_s = float("-inf")
+        self._resend_pause_s = RESEND_S
+        self._receipt_heard_s = float("-inf")
         if turn.first is not None:
             _log.info("outbox goes on stored_bytes=%d", turn.stored_bytes)
 
@@ -79,7 +83,7 @@ class Outbox:
             self._tapped = True
         self._collect(bus)
         self._look_at_disk(now_s)
-        self._hear_receipt(bus)
+        self._hear_receipt(bus, now_s)
         self._save(now_s)
         self._send_data(bus, now_s)
 
@@ -138,11 +142,15 @@ class Outbox:
         if self._rows is None:
             self._rows, self._offset, self._resend_due_s = outcome.value.first, 0, float("-inf")
 
-    def _hear_receipt(self, bus: Bus) -> None:
+    def _hear_receipt(self, bus: Bus, now_s: float) -> None:
         receipt, rows = bus.latest(RECEIPT), self._rows
-        if receipt is None or rows is None or receipt.outbox_id != self._store.outbox_id:
+        if receipt is None or receipt is self._receipt or receipt.outbox_id != self._store.outbox_id:
             return
-        self._receipt = receipt
+        if now_s - self._receipt_heard_s > RECEIPT_SILENCE_S:
+            self._resend_due_s, self._resend_pause_s = min(self._resend_due_s, now_s), RESEND_S
+        self._receipt, self._receipt_heard_s = receipt, now_s
+        if rows is None:
+            return
         if receipt.number >= rows.end:
             self._acknowledged, self._rows = rows.end, None
             if self._stored_bytes > len(rows.data):
@@ -185,7 +193,10 @@ class Outbox:
             return
         if self._resend_due_s > float("-inf"):  # no progress: the recorder may have been restarted
             self._offset = self._held_by_recorder(rows)
-        self._resend_due_s = now_s + RESEND_S
+            self._resend_pause_s = min(2 * self._resend_pause_s, RESEND_MAX_S)
+        else:
+            self._resend_pause_s = RESEND_S
+        self._resend_due_s = now_s + self._resend_pause_s
         piece = rows.data[self._offset : self._offset + PIECE_BYTES]
         message = OutboxPiece(now_s, self._store.outbox_id, rows.number, self._offset, len(rows.data), piece)
         bus.publish(OUTBOX, message)

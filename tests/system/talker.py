@@ -20,7 +20,7 @@ from common.process import argument_parser, run
 from common.status import StatusReporter
 from common.zenoh_bus import ZenohBus
 
-PHOTO_BYTES = 150_000
+PHOTO_BYTES = 80_000
 
 
 class Talker:

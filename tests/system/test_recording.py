@@ -15,6 +15,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import msgpack
@@ -23,12 +25,14 @@ import zenoh
 
 from common.clock import FreeClock
 from common.codec import CODEC_VERSION, encode
-from common.config import Config, load_config
+from common.config import Config, config_text, load_config
+from common.errors import ErrorCode
 from common.frames import MESSAGE_BYTES_MAX
-from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, TOPICS, Status
+from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, STATUS, TOPICS, Status
 from common.zenoh_bus import ZenohBus, session_config
 from offboard.recorder.run_database import RunReader
 from tests.system.conftest import ROOT, Mesh, children_of, environment, until
+from tests.system.relay import Relay
 
 pytestmark = pytest.mark.timeout(120)
 BLOCK = zenoh.CongestionControl.BLOCK
@@ -39,9 +43,13 @@ Said = dict[tuple[str, int], int]  # topic and boot id -> newest sequence number
 class Recording:
     """comm, recorder and two modules that talk."""
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, run_dir: Path | None = None, robot: str | None = None) -> None:
+        """`robot`: where the recorder finds the robot, when that is not comm's own address."""
         self.mesh = mesh
-        self.run_dir = mesh.folder / "run"
+        self.run_dir = run_dir or mesh.folder / "run"
+        self.laptop_config = mesh.folder / "laptop.toml"
+        config = replace(mesh.config, mesh=replace(mesh.config.mesh, router=robot or mesh.config.mesh.router))
+        self.laptop_config.write_text(config_text(config), encoding="utf-8")
         for name in ("comm", "recorder", "mmu", "poi"):
             self.start(name)
         until(lambda: self.stored() > 100, 20.0, "the first messages in the database")
@@ -50,7 +58,8 @@ class Recording:
         if name == "comm":
             self.mesh.start(name)
         elif name == "recorder":
-            self.mesh.start(name, "-m", "offboard.recorder", extra=("--run-dir", str(self.run_dir)))
+            extra = ("--run-dir", str(self.run_dir), "--config", str(self.laptop_config))
+            self.mesh.start(name, "-m", "offboard.recorder", extra=extra)
         else:
             self.mesh.start(name, str(TALKER), name)
 
@@ -280,3 +289,56 @@ def test_a_payload_of_100_megabytes_on_every_topic_changes_nothing(recording: Re
     said = recording.silence()
     with RunReader(recording.run_dir) as run:
         assert {source: run.senders()[source] for source in said} == {s: (newest, newest) for s, newest in said.items()}
+
+
+@pytest.fixture
+def relay(mesh: Mesh) -> Iterator[Relay]:
+    made = Relay(mesh.config.mesh.router)
+    yield made
+    made.close()
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_a_slow_link_that_comes_and_goes_leaves_no_hole_and_no_double(mesh: Mesh, relay: Relay) -> None:
+    relay.delay_s = 0.1
+    recording = Recording(mesh, robot=relay.endpoint)
+    for k in range(6):
+        (relay.cut if k % 2 else relay.silence)()
+        time.sleep(1.5)  # longer than the lease: both sides give the link up
+        relay.restore()
+        until(more(recording, 20), 20.0, "messages over the link again")
+    recording.assert_once_and_in_order(recording.silence())
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    folder = tmp_path / "small"
+    folder.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", folder], check=False).returncode:
+        pytest.skip("only root can mount a small disk: run the tests with sudo, or in a container")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_a_full_disk_under_the_recorder_costs_nothing_once_there_is_space(mesh: Mesh, small_disk: Path) -> None:
+    recording = Recording(mesh, small_disk / "run")
+    ballast = small_disk / "ballast"
+    with suppress(OSError), ballast.open("wb") as file:
+        while True:
+            file.write(bytes(4096))
+    mesh.bus.latest(STATUS["recorder"])
+
+    def error() -> int:
+        status = mesh.bus.latest(STATUS["recorder"])
+        return status.error_code if status is not None else ErrorCode.OK
+
+    until(lambda: error() == ErrorCode.DISK_FULL, 20.0, "the report of the full disk")
+    stored = recording.stored()
+    time.sleep(2.0)
+    assert recording.stored() == stored
+    assert mesh.processes["recorder"].poll() is None
+    subprocess.run(["mount", "-o", "remount,size=100m", small_disk], check=True)
+    ballast.unlink()
+    until(lambda: error() == ErrorCode.OK, 20.0, "the report that there is space")
+    recording.assert_once_and_in_order(recording.silence())
