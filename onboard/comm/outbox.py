@@ -1,7 +1,7 @@
 """The outbox of comm: every recorded message of the robot's modules -> `OUTBOX`, until `RECEIPT` (CM_MR_01).
 
 Messages wait in RAM for at most ROW_PERIOD_S, then on the disk, and leave it when the recorder says that its database
-has them. One piece of at most PIECE_BYTES is on its way at a time: a photo takes its turn and never fills the link.
+has them. At most AHEAD_BYTES are on their way at a time: a photo takes its turn and never fills the link.
 Whatever is killed or cut off, sender, rows and pieces have numbers, so that everything ends up in the database once.
 
 Above its limit on the disk only status and log thin out, to one message in THINNED_TO. What had to be dropped is
@@ -22,6 +22,7 @@ from onboard.comm.outbox_store import OutboxStore, Rows, Turn, open_store
 
 ROW_PERIOD_S = 0.25
 PIECE_BYTES = 64_000
+AHEAD_BYTES = 2 * PIECE_BYTES  # on their way at a time: at 2 MB/s they hold up what lives by 64 ms at most
 RESEND_S = 0.5  # without progress; doubled each time, or what is late on a slow link would be sent again and again
 RESEND_MAX_S = 4.0
 RECEIPT_SILENCE_S = 1.5  # a receipt after so long: the link, or the recorder, is back
@@ -61,7 +62,7 @@ class Outbox:
         self._stored_bytes, self._rows = turn.stored_bytes, turn.first
         self._acknowledged = self._removed = 0  # all rows before this one
         self._receipt: OutboxReceipt | None = None
-        self._offset = 0  # of the piece that is on its way
+        self._offset = self._held = 0  # bytes of the rows that were sent, and that the recorder says it has
         self._resend_due_s = float("-inf")
         self._resend_pause_s = RESEND_S
         self._receipt_heard_s = float("-inf")
@@ -140,7 +141,8 @@ class Outbox:
             _log.warning("outbox thinning=%s stored_bytes=%d", self.thinning, self._stored_bytes)
         # Rows that were appended meanwhile wait until those on their way are acknowledged
         if self._rows is None:
-            self._rows, self._offset, self._resend_due_s = outcome.value.first, 0, float("-inf")
+            self._rows, self._offset, self._held = outcome.value.first, 0, 0
+            self._resend_due_s, self._resend_pause_s = now_s + RESEND_S, RESEND_S
 
     def _hear_receipt(self, bus: Bus, now_s: float) -> None:
         receipt, rows = bus.latest(RECEIPT), self._rows
@@ -155,8 +157,11 @@ class Outbox:
             self._acknowledged, self._rows = rows.end, None
             if self._stored_bytes > len(rows.data):
                 self._next_rows_due = True
-        elif self._held_by_recorder(rows) > self._offset:
-            self._offset, self._resend_due_s = receipt.offset, float("-inf")
+        elif self._held_by_recorder(rows) > self._held:
+            self._held = self._held_by_recorder(rows)
+            self._offset = max(self._offset, self._held)
+            self._resend_pause_s = RESEND_S
+            self._resend_due_s = now_s + RESEND_S
 
     def _held_by_recorder(self, rows: Rows) -> int:
         """How many bytes of these rows the recorder says it has in hand."""
@@ -188,15 +193,17 @@ class Outbox:
         self._disk.begin(lambda: self._store.turn(frames, dropped, heard, acknowledged, load=load))
 
     def _send_data(self, bus: Bus, now_s: float) -> None:
+        """At most one piece per step, and at most AHEAD_BYTES beyond what the recorder says it has."""
         rows = self._rows
-        if rows is None or now_s < self._resend_due_s:
+        if rows is None:
             return
-        if self._resend_due_s > float("-inf"):  # no progress: the recorder may have been restarted
-            self._offset = self._held_by_recorder(rows)
+        if now_s >= self._resend_due_s:  # no progress: pieces were lost, or the recorder was restarted
+            self._offset = self._held = self._held_by_recorder(rows)
             self._resend_pause_s = min(2 * self._resend_pause_s, RESEND_MAX_S)
-        else:
-            self._resend_pause_s = RESEND_S
-        self._resend_due_s = now_s + self._resend_pause_s
+            self._resend_due_s = now_s + self._resend_pause_s
+        if self._offset >= len(rows.data) or self._offset - self._held >= AHEAD_BYTES:
+            return
         piece = rows.data[self._offset : self._offset + PIECE_BYTES]
         message = OutboxPiece(now_s, self._store.outbox_id, rows.number, self._offset, len(rows.data), piece)
         bus.publish(OUTBOX, message)
+        self._offset += len(piece)

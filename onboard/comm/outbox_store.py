@@ -18,6 +18,7 @@ import msgpack
 
 from common.frames import Frame, Known, Losses
 
+LOAD_BYTES = 256_000  # of rows that go to the recorder together
 ROW_BYTES = 64_000  # a row ends where it passes this; a single message may be longer
 
 _SCHEMA = """
@@ -117,7 +118,7 @@ class OutboxStore:
         rows: list[tuple[int, bytes]] = []
         size = 0
         for number, data in self._database.execute("SELECT number, data FROM rows ORDER BY number LIMIT 256"):
-            if rows and size + len(data) > ROW_BYTES:
+            if rows and size + len(data) > LOAD_BYTES:
                 break
             rows.append((number, data))
             size += len(data)

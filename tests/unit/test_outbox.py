@@ -154,7 +154,7 @@ def test_a_recorder_that_was_killed_in_the_middle_of_a_photo_goes_on(link: Link)
     assert (link.folder / "run" / "photos" / "poi_1.jpg").stat().st_size == photo_bytes
 
 
-def test_no_piece_is_longer_than_its_limit_and_only_one_is_on_its_way(link: Link) -> None:
+def test_no_piece_is_longer_than_its_limit_and_none_is_sent_twice_without_need(link: Link) -> None:
     for k in range(3):
         link.module.publish(POI, door(k, 5 * PIECE_BYTES))
     link.run(10.0, link.say)
