@@ -30,6 +30,7 @@ class RobotSection:
 @dataclass(frozen=True, slots=True)
 class MeshSection:
     router: str = "tcp/127.0.0.1:7447"  # where comm listens and every other process connects
+    laptop_router: str = "tcp/127.0.0.1:7448"  # where the recorder listens, the laptop's own router
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,7 @@ class SonarsSection:
 class CommSection:
     required: tuple[str, ...] = ("bridge", "mmu", "planner")  # on-robot modules without which nothing moves
     stop_when_offboard_missing: bool = False
+    outbox_limit_mb: int = 512  # what waits for the recorder on the robot's disk; above it status and log thin out
 
 
 @dataclass(frozen=True, slots=True)

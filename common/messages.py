@@ -38,6 +38,7 @@ class Stance(Enum):
     COMMAND = "real-time priority, repeated until acknowledged: it must arrive, and soon"
     EVENT = "reliable and in order, through the outbox: nothing may be lost"
     STATE = "a snapshot, answered to a query too: who joins late or missed some must be able to catch up"
+    BULK = "lowest priority, a piece at a time, sent again until acknowledged: what is stored must not delay what lives"
 
 
 class Speed(IntEnum):
@@ -322,6 +323,31 @@ class ClockAck:
     valid: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class OutboxPiece:
+    """A part of the rows of comm's outbox from row `number` on: bytes `offset`.. of `total_bytes`."""
+
+    t_s: float
+    outbox_id: int
+    number: int
+    offset: int
+    total_bytes: int
+    data: bytes
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class OutboxReceipt:
+    """All rows before `number` are in the run database; of those sent from there on it holds `offset` bytes so far."""
+
+    t_s: float
+    outbox_id: int
+    number: int
+    offset: int = 0
+    total_bytes: int = 0
+    valid: bool = True
+
+
 P = TypeVar("P")
 
 
@@ -340,6 +366,11 @@ class Topic(Generic[P]):
     @property
     def producer(self) -> str:
         return self.key.split("/")[0]
+
+    @property
+    def recorded(self) -> bool:
+        """Every message of it belongs into the run database."""
+        return "recorder" in self.consumers and self.stance is not Stance.BULK
 
 
 _TOPICS: dict[str, Topic[object]] = {}
@@ -395,6 +426,10 @@ POI = _topic("poi/record", PointOfInterest, 0.0, Stance.EVENT, OFFBOARD, "lfc_po
 PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner {OFFBOARD}")
 STOP = _topic("command_center/stop", StopRequest, 0.0, Stance.COMMAND, "bridge comm recorder", "lfc_cm_cc")
 OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, Stance.COMMAND, "planner recorder")
+OUTBOX = _topic(
+    "comm/outbox", OutboxPiece, 0.0, Stance.BULK, "recorder", note="what the robot has for the run database"
+)
+RECEIPT = _topic("recorder/receipt", OutboxReceipt, 0.0, Stance.LATEST, "comm", note="on progress, else every second")
 CLOCK = _topic("clock/time", ClockTick, 0.0, Stance.COMMAND, "", note="only under `local --speed`")
 CLOCK_ACK = _topic("clock/ack", ClockAck, 0.0, Stance.COMMAND, "", note="only under `local --speed`")
 
@@ -411,6 +446,9 @@ TOPICS: tuple[Topic[object], ...] = tuple(_TOPICS.values())
 INTERNAL_FLOWS: dict[str, str] = {"lfc_sim_car": "program memory of the Arduino: SIM and Carrier share one program"}
 
 ON_ROBOT = ("bridge", "mmu", "planner", "comm", "poi")
+ROBOT_SENDERS = ("sim", "car", *ON_ROBOT)  # SIM and Carrier speak through the bridge
+ROBOT_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer in ROBOT_SENDERS)  # through the outbox
+LAPTOP_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer not in ROBOT_SENDERS)
 
 
 def topic_table() -> str:

@@ -34,6 +34,7 @@ from offboard.tools.summary import RunFacts, StepTimes, write_summary
 SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0
 RECORDER_TIMEOUT_S = 30.0
+RECORDED_TIMEOUT_S = 10.0
 _POLL_S = 0.1
 _START_POLL_S = 0.02
 _PROGRESS_PERIOD_S = 5.0
@@ -109,7 +110,7 @@ class LocalRun:
         # Headless runs go side by side, and between looking for a free port and taking it another could take it
         router, page = (None, None) if options.headless else (usual_port(), VisualizerSection().port)
         self._config = Config(
-            mesh=MeshSection(router=f"tcp/127.0.0.1:{free_port(router)}"),
+            mesh=MeshSection(f"tcp/127.0.0.1:{free_port(router)}", f"tcp/127.0.0.1:{free_port()}"),
             bridge=BridgeSection(serial_port=str(self._serial)),
             visualizer=VisualizerSection(port=free_port(page)),
         )
@@ -225,6 +226,7 @@ class LocalRun:
                     self._start_again(bus, view)
                 if view.finished:
                     print("The mission is finished.", flush=True)
+                    self._await_recorded(bus)
                     return
                 if time.monotonic() >= next_s and self._began_s is not None:
                     next_s = time.monotonic() + _PROGRESS_PERIOD_S
@@ -250,6 +252,18 @@ class LocalRun:
             f"{mission_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, {view.detail}{standing}",
             flush=True,
         )
+
+    def _await_recorded(self, bus: ZenohBus) -> None:
+        """The end of the mission must be in the database; a recorder that cannot is not waited for long."""
+
+        def recorded() -> bool:
+            status = bus.latest(STATUS["recorder"])
+            return status is not None and status.state == "finished"
+
+        try:
+            self._until(recorded, RECORDED_TIMEOUT_S, lambda: "The recorder did not get the end of the mission.")
+        except ProcessFailed as failure:
+            _log.warning("%s", failure)
 
     def _end_in_order(self) -> None:
         """The recorder first: it writes what it holds. Then the simulator, for the true path."""

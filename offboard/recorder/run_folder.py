@@ -26,7 +26,7 @@ TRUTH_NAME = "truth.tum"  # simulation only
 MAP_POINTS_NAME = "map_points.csv"
 POIS_NAME = "pois.json"
 SUMMARY_NAME = "summary.json"
-DATABASE_NAME = "run.sqlite"  # reserved: the run database
+DATABASE_NAME = "run.sqlite"  # every message of the run
 MAP_SVG_NAME = "map.svg"
 MAP_PNG_NAME = "map.png"
 PHOTO_FOLDER = "photos"
@@ -77,6 +77,11 @@ class LineFile:
             self._file.truncate(self._size)
             raise
         self._size += len(data)
+
+    def cut(self) -> None:
+        """Empty the file: its lines will be written anew."""
+        self._file.truncate(0)
+        self._size = 0
 
     def close(self) -> None:
         self._file.close()

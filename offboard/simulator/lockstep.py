@@ -24,10 +24,12 @@ from offboard.simulator.world import STEP_S
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
+from onboard.comm.outbox import Outbox
 from onboard.mmu.mmu import MappingUnit
 from onboard.planner.planner import Planner
 
 TIME_LIMIT_S = 4 * 3600.0
+RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
 PROGRESS_S = 5.0  # of wall time
 PREVIEW_PERIOD_S = 0.4  # camera: the cheap stream
 FULL_PERIOD_S = 1.2  # one full frame per 0.2 m driven
@@ -64,9 +66,9 @@ class _Slot:
 class Lockstep:
     """World and nodes of one run. `advance` runs 5 ms of everything."""
 
-    def __init__(self, simulation: Simulation, nodes: list[Node]) -> None:
+    def __init__(self, simulation: Simulation, nodes: list[Node], seed: int = 0) -> None:
         self.simulation = simulation
-        self.mesh = LocalMesh()
+        self.mesh = LocalMesh(seed)
         self.operator = self.mesh.endpoint("command_center")
         self.slots = [_Slot(node, self.mesh.endpoint(node.name)) for node in nodes]
         self.world_s = 0.0  # wall time spent in the world
@@ -141,26 +143,30 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
         events=events,
     )
     config = Config()
+    # Without a recorder nobody would ever empty it
+    outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
         MappingUnit(config.sonars.bearings_rad),
         Planner(),
-        Comm(config.comm),
+        Comm(config.comm, outbox=outbox),
     ]
     if recorder is not None:
         nodes.append(recorder)
     if simulation.camera is not None:
         nodes.append(Eye(simulation))
-    return Lockstep(simulation, nodes)
+    return Lockstep(simulation, nodes, options.seed)
 
 
 def simulate(options: RunOptions) -> int:
     """A whole mission; prints its progress, writes the run folder. Exit code 0 when the mission was finished."""
     folder = prepare_folder(options)
-    robot = build(options, Recorder(folder))
+    recorder = Recorder(folder)
+    robot = build(options, recorder)
     began_s = time.monotonic()
     try:
         view = _mission(robot, began_s)
+        robot.run_until(lambda: recorder.finished, robot.now_s + RECORD_LIMIT_S)
     finally:
         robot.close()
     finished = view is not None and view.finished
