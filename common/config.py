@@ -69,6 +69,12 @@ class PlannerSection:
 
 
 @dataclass(frozen=True, slots=True)
+class VisualizerSection:
+    host: str = "127.0.0.1"  # where the page is served; "0.0.0.0" shows it to the whole network
+    port: int = 8080  # 0: any free one
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     robot: RobotSection = field(default_factory=RobotSection)
     mesh: MeshSection = field(default_factory=MeshSection)
@@ -77,6 +83,7 @@ class Config:
     sonars: SonarsSection = field(default_factory=SonarsSection)
     comm: CommSection = field(default_factory=CommSection)
     planner: PlannerSection = field(default_factory=PlannerSection)
+    visualizer: VisualizerSection = field(default_factory=VisualizerSection)
 
 
 _NAMES = {str: "text in quotes", int: "a whole number", float: "a number", bool: "true or false"}

@@ -20,5 +20,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ProcessSpec("mmu", "onboard.mmu", "beaglebone"),
     ProcessSpec("planner", "onboard.planner", "beaglebone"),
     ProcessSpec("recorder", "offboard.recorder", "laptop"),
+    # It takes a terminal: `local` opens it in its own, where it has one
+    ProcessSpec("command_center", "offboard.command_center", "laptop", local=False),
 )
 BY_NAME = {spec.name: spec for spec in PROCESSES}
