@@ -22,6 +22,10 @@ from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.places import findings_of_run, run_folder_of
 from offboard.command_center.stop_desk import StopSender
 
+NO_TERMINAL = (
+    "command_center: It needs a terminal; without one there are estop, release, start, pause, resume, home and goto.\n"
+)
+
 
 class Terminal:
     """Joins the node of the process with the app that shows it."""
@@ -61,9 +65,8 @@ def main() -> int:
     parser.add_argument("--owns-mesh", action="store_true", help="ask on leaving whether the mesh shall end too")
     parser.set_defaults(log_dir=user_log_path("indoor-mapping", appauthor=False))
     if not (sys.stdin.isatty() and sys.stderr.isatty()) and not {"-h", "--help"} & set(sys.argv):
-        parser.error(
-            "it needs a terminal; use the verbs estop, release, start, pause, resume, home and goto without one"
-        )
+        sys.stderr.write(NO_TERMINAL)
+        return 2
     # Zenoh would write its log over the screen
     os.environ.pop("RUST_LOG", None)
     terminal = Terminal(parser.parse_args())

@@ -32,6 +32,7 @@ PULL_PERIOD_S = 0.2
 BAR_PERIOD_S = 0.1  # while a demand is not confirmed: people watch the seconds
 MAP_PERIOD_S = 1.0
 
+WIDTHS: list[tuple[int, str]] | None = [(0, "-narrow"), (100, "-wide"), (130, "-very-wide")]
 THEME = Theme(
     name="command-center",
     primary="#58a6ff",
@@ -54,7 +55,7 @@ class CommandCenterApp(OperatorActions, App[int]):
 
     CSS_PATH = "command_center.tcss"
     TITLE = "Indoor Mapping"
-    ENABLE_COMMAND_PALETTE = True
+    HORIZONTAL_BREAKPOINTS = WIDTHS
     BINDINGS: ClassVar[list[BindingType]] = [*STOP_BINDINGS, *OPERATION_BINDINGS, *LOG_BINDINGS, *GENERAL_BINDINGS]
 
     def __init__(

@@ -69,7 +69,7 @@ class CommandCenter:
     """
 
     name = "command_center"
-    period_s = 0.02
+    period_s = 0.05
 
     def __init__(self, clock: Callable[[], float], findings: Mapping[int, Finding] | None = None) -> None:
         self.stop_desk = StopDesk(clock)

@@ -114,7 +114,7 @@ def release_asked(control: StopControl, report: RobotReport, now_s: float) -> St
 def heard(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
     """The demand in the light of the robot's newest words."""
     if control.demand is Demand.STOP and confirmed(report, control.since_s):
-        return StopControl(latency_s=now_s - control.since_s)
+        return StopControl(latency_s=max(report.permit_s, report.odometry_s) - control.since_s)
     if control.demand is Demand.RELEASE:
         if report.permit_s > control.since_s and SOURCE not in report.stop_sources:
             return StopControl()

@@ -9,7 +9,7 @@ from typing import ClassVar
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import BindingType
-from textual.containers import Horizontal, Vertical
+from textual.containers import Horizontal
 from textual.widgets import Footer, Input
 
 from offboard.command_center.command_center import SHOWN_MODULES
@@ -25,11 +25,6 @@ from offboard.command_center.widgets.robot_panel import RobotPanel
 class MainScreen(Guarded[None]):
     """Holds the filter of the log; everything else is shown as it is given."""
 
-    HORIZONTAL_BREAKPOINTS: ClassVar[list[tuple[int, str]] | None] = [
-        (0, "-narrow"),
-        (100, "-wide"),
-        (150, "-very-wide"),
-    ]
     BINDINGS: ClassVar[list[BindingType]] = [("escape", "to_log", "")]
 
     def __init__(self, page: str) -> None:
@@ -44,10 +39,10 @@ class MainScreen(Guarded[None]):
         yield self.make_bar()
         with Horizontal(id="upper"):
             yield self.modules
-            with Vertical(id="side"):
-                yield self.robot
-                yield self.map
-        yield self.log_view
+            yield self.robot
+        with Horizontal(id="lower"):
+            yield self.log_view
+            yield self.map
         yield self.search
         yield Footer(compact=True, show_command_palette=True)
 

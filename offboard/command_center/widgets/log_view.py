@@ -28,7 +28,8 @@ _LEVEL_STYLES = {
 _LEVEL_NAMES = {"WARNING": "WARN", "CRITICAL": "CRIT", MESSAGE_LEVEL: "MSG"}
 _TIME, _TEXT, _MESSAGE = Style(color="#6e7681"), Style(color="#c9d1d9"), Style(color="#8b949e")
 _COUNT, _MARKED = Style(color="#16181d", bgcolor="#e3b341", bold=True), Style(bgcolor="#1f3a5f")
-_LEAD = len("00:00:00 ERROR ") + 12
+_MODULE_WIDTH = len("command_center")
+_LEAD = len("00:00:00 ERROR ") + _MODULE_WIDTH + 12
 
 
 class LogView(ScrollView, can_focus=True):
@@ -125,6 +126,8 @@ class LogView(ScrollView, can_focus=True):
         segments = [
             Segment(f"{clock:%H:%M:%S} ", _TIME),
             Segment(f"{level:<5} ", _LEVEL_STYLES.get(entry.level, _TEXT)),
+            # SIM stands for the bridge too, CM for the recorder
+            Segment(f"{entry.module:<{_MODULE_WIDTH}} ", _TIME),
             Segment(entry.text, _MESSAGE if entry.is_message else _TEXT),
         ]
         if entry.count > 1:

@@ -10,7 +10,7 @@ from offboard.command_center.command_center import SHOWN_MODULES
 from offboard.command_center.module_watch import Freshness, ModuleRow
 from offboard.command_center.snapshot import Snapshot
 
-COLUMNS = (("module", 15), ("", 4), ("state", 11), ("memory", 9), ("rate", 8), ("age", 13), ("error", None))
+COLUMNS = (("module", 14), ("", 3), ("state", 10), ("age", 12), ("memory", 7), ("rate", 5), ("error", None))
 _TITLES = {module: code for code, module in MODULES.items()}
 _DIM, _BAD, _GOOD = "#6e7681", "bold #ff7b72", "#7ee787"
 _UNIT = 1024
@@ -34,7 +34,7 @@ def cells(row: ModuleRow) -> tuple[Text, ...]:
     name = Text(row.module.replace("_", " "), style=old or "bold")
     code = Text(_TITLES.get(row.module, ""), style=_DIM)
     if status is None:
-        return name, code, Text("–", _DIM), Text("–", _DIM), Text("–", _DIM), Text("never heard", _DIM), Text("")
+        return name, code, Text("–", _DIM), Text("never heard", _DIM), Text("–", _DIM), Text("–", _DIM), Text("")
     state = Text(status.state, style=old or ("" if status.ready else "#e3b341"))
     memory = Text(memory_text(status.memory_kb), style=old, justify="right")
     rate = Text(f"{row.rate_hz:.0f} Hz", style=old, justify="right")
@@ -42,7 +42,7 @@ def cells(row: ModuleRow) -> tuple[Text, ...]:
         age = Text("● live", style=_GOOD)
     else:
         age = Text(f"{fresh.value} {age_text(row.age_s)}", style=_BAD)
-    return name, code, state, memory, rate, age, _error(row, old)
+    return name, code, state, age, memory, rate, _error(row, old)
 
 
 def _error(row: ModuleRow, old: str) -> Text:
@@ -56,6 +56,14 @@ def _error(row: ModuleRow, old: str) -> Text:
     return text
 
 
+def explanation(row: ModuleRow) -> str:
+    """What a person should know about the module; empty where all is well."""
+    if row.status is None or not row.status.error_code:
+        return ""
+    meaning, action = row.error
+    return f"{row.module}: {row.status.error_code} {meaning} → {action}"
+
+
 class ModuleTable(DataTable[Text]):
     """Rewrites only the cells that changed."""
 
@@ -64,7 +72,6 @@ class ModuleTable(DataTable[Text]):
         self._shown: dict[str, tuple[Text, ...]] = {}
 
     def on_mount(self) -> None:
-        self.border_title = "MODULES"
         for title, width in COLUMNS:
             self.add_column(title, key=title or "code", width=width)
         for module in SHOWN_MODULES:
@@ -84,4 +91,7 @@ class ModuleTable(DataTable[Text]):
                     self.update_cell(row.module, title or "code", new[i], update_width=title == "error")
             self._shown[row.module] = new
         live = sum(row.freshness is Freshness.LIVE for row in snapshot.rows)
-        self.border_subtitle = f"{live} of {len(snapshot.rows)} live"
+        self.border_title = f"MODULES {live}/{len(snapshot.rows)} live"
+        marked = snapshot.rows[self.cursor_row] if snapshot.rows else None
+        # The marked row's words in full: its cell may be too narrow for them
+        self.border_subtitle = explanation(marked) if marked is not None else ""

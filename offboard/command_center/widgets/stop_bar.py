@@ -36,8 +36,8 @@ def bar_text(snapshot: Snapshot) -> BarText:
             headline = f"{headline} · STOP NOT CONFIRMED {waiting_s:.1f} s"
         return BarText(look, headline, f"{since}; {RED_BUTTON} if it moves")
     if look is Look.SENT:
-        wheels = f"wheels turn {abs(report.speed_m_s):.2f} m/s" if not report.standing else "wheels stand"
-        return BarText(look, f"SENT – NOT CONFIRMED {waiting_s:.1f} s", f"{wheels}; {RED_BUTTON} if it does not stop")
+        speed = f"speed {abs(report.speed_m_s):.2f} m/s" if report.wheels_known(now_s) else "wheels not heard"
+        return BarText(look, f"SENT – NOT CONFIRMED {waiting_s:.1f} s", f"{speed}; {RED_BUTTON} if it does not stop")
     if look is Look.LATCHED:
         return _latched(snapshot)
     wheels = "standing" if report.standing else f"driving {abs(report.speed_m_s):.2f} m/s"
@@ -74,7 +74,6 @@ class StopBar(Horizontal):
         height: 3;
         background: #232a33;
         color: #c9d1d9;
-        layer: stop;
         #stop-label { width: 25; height: 3; background: #38171b; color: #ff7b72; text-style: bold;
                       content-align: center middle; text-align: center; }
         #stop-text { width: 1fr; height: 3; padding: 0 2; content-align: left middle; }
