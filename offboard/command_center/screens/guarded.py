@@ -14,13 +14,19 @@ from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.stop_bar import StopBar
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from offboard.command_center.app import CommandCenterApp
+
+    AnyScreen = Screen[Any]
+else:
+    AnyScreen = object
 
 T = TypeVar("T")
 
 
-class Guarded(Screen[T]):
-    """A screen with the bar; a mixin, since Textual joins an app's screens by nothing else."""
+class Guarded(AnyScreen):
+    """Mixed into every screen: Textual has no widget that stands above all of them."""
 
     stop_bar: StopBar
 
@@ -33,13 +39,14 @@ class Guarded(Screen[T]):
         return self.stop_bar
 
     def on_mount(self) -> None:
+        # Textual calls this one and that of the screen itself
         self.center.pull_bar()
 
     def show(self, snapshot: Snapshot) -> None:
         """A new picture; the bar is brought up to date by the app."""
 
 
-class GuardedModal(Guarded[T], ModalScreen[T]):
+class GuardedModal(Guarded, ModalScreen[T]):
     """A question over the main screen. Esc answers no."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape", "dismiss(None)", "Back")]
@@ -55,7 +62,7 @@ class GuardedModal(Guarded[T], ModalScreen[T]):
         yield from ()
 
 
-class GuardedPalette(Guarded[None], CommandPalette):
+class GuardedPalette(Guarded, CommandPalette):
     """Textual's palette of commands below the bar."""
 
     def compose(self) -> ComposeResult:

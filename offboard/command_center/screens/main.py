@@ -10,6 +10,7 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
+from textual.screen import Screen
 from textual.widgets import Footer, Input
 
 from offboard.command_center.command_center import SHOWN_MODULES
@@ -22,7 +23,7 @@ from offboard.command_center.widgets.module_table import ModuleTable
 from offboard.command_center.widgets.robot_panel import RobotPanel
 
 
-class MainScreen(Guarded[None]):
+class MainScreen(Guarded, Screen[None]):
     """Holds the filter of the log; everything else is shown as it is given."""
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape", "to_log", "")]
@@ -47,7 +48,6 @@ class MainScreen(Guarded[None]):
         yield Footer(compact=True, show_command_palette=True)
 
     def on_mount(self) -> None:
-        super().on_mount()
         self.search.display = False
         self.modules.focus()
 

@@ -61,7 +61,6 @@ class ReleaseScreen(GuardedModal[bool]):
         yield self._why_not
 
     def on_mount(self) -> None:
-        super().on_mount()
         self._word.focus()
 
     def show(self, snapshot: Snapshot) -> None:
@@ -98,7 +97,6 @@ class GotoScreen(GuardedModal[tuple[float, float]]):
         yield self._why_not
 
     def on_mount(self) -> None:
-        super().on_mount()
         self._place.focus()
 
     @on(Input.Submitted)
