@@ -51,7 +51,7 @@ HELP: dict[str, str] = {
     "topics": "Show the messages of some topics among the log lines.",
     "follow": "Pause the scrolling or follow the newest line again; nothing is lost meanwhile.",
     "clear": "Show every line again.",
-    "copy": "Copy the marked line to the clipboard.",
+    "copy": "Copy the marked line of the log (arrow keys) to the clipboard.",
     "export": "Write the filtered log to a file.",
     "help": "This page.",
     "leave": "Close the Command Center.",

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -101,7 +102,7 @@ def test_it_shows_every_module_stops_the_robot_and_fills_itself_again_after_a_re
             rate_hz = (len(reports) - 1) / (reports[-1].t_s - reports[0].t_s)
             assert 9.0 <= rate_hz <= 11.0, f"{module} reports at {rate_hz:.1f} Hz"
             assert all(report.state and report.memory_kb > 0 for report in reports), module
-            assert all(b.beats > a.beats for a, b in zip(reports, reports[1:], strict=False)), module
+            assert all(b.beats > a.beats for a, b in pairwise(reports)), module
         until(lambda: center.node.snapshot().pose is not None and len(center.node.floor_picture().walls_m), 60.0, "map")
 
         carrier = center.bus.latest(CARRIER)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from rich.text import Text
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 from textual.widgets import Static
@@ -112,5 +113,5 @@ class StopBar(Horizontal):
         if old is None or old[0].look is not text.look:
             for look in Look:
                 self.set_class(look is text.look, f"-{look.name.lower()}")
-        self._text.update(f"{text.headline}\n{text.detail}")
+        self._text.update(Text.assemble((text.headline, "bold"), "\n", text.detail))
         self._link.update(link)
