@@ -195,6 +195,7 @@ class PlannerView:
     area_m2: float
     finished: bool
     valid: bool = True
+    command_id: int = 0  # of the newest OperatorCommand that was taken
 
 
 class PoiCommand(Enum):
@@ -272,6 +273,7 @@ class OperatorCommand:
     x_m: float = 0.0
     y_m: float = 0.0
     valid: bool = True
+    command_id: int = 0  # repeated with the same one until PlannerView acknowledges it; 0 = wants no answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -392,10 +394,19 @@ def _topic(
 
 OFFBOARD = "recorder visualizer command_center"
 
-ODOMETRY = _topic("bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu recorder", "lfc_sim_mmu")
+ODOMETRY = _topic(
+    "bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu recorder command_center", "lfc_sim_mmu"
+)
 RANGES = _topic("bridge/ranges", Ranges, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner poi recorder", "lfc_sim_mmu")
 DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, Stance.LATEST, "planner recorder", "lfc_sim_pln")
-CARRIER = _topic("bridge/carrier", CarrierReport, SENSOR_RATE_HZ, Stance.LATEST, "planner comm recorder", "lfc_pln_car")
+CARRIER = _topic(
+    "bridge/carrier",
+    CarrierReport,
+    SENSOR_RATE_HZ,
+    Stance.LATEST,
+    "planner comm recorder command_center",
+    "lfc_pln_car",
+)
 DRIVE = _topic("planner/drive", DriveCommand, SENSOR_RATE_HZ, Stance.COMMAND, "bridge recorder", "lfc_pln_car")
 POSE = _topic(
     "mmu/pose",

@@ -28,6 +28,7 @@ from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
 from deploy.process_table import PROCESSES, ProcessSpec
 from deploy.supervisor import ProcessFailed, Supervisor
+from deploy.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
 
@@ -71,14 +72,16 @@ def run_local(options: RunOptions) -> int:
         raise StartError("The simulator needs MuJoCo: run ./deploy/local.sh --setup-only once.")
     folder = prepare_folder(options).resolve()
     (folder / "process").mkdir(exist_ok=True)
-    _set_up_log(folder / "process" / "local.log")
+    console = _set_up_log(folder / "process" / "local.log")
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    mesh = LocalRun(options, folder, stop)
+    mesh = LocalRun(options, folder, stop, console)
     try:
         return mesh.run()
     except Interrupted:
+        if mesh.finished:
+            return 0
         print("Ended before the mission was finished.", file=sys.stderr)
         return 130
     except ProcessFailed as failure:
@@ -88,18 +91,20 @@ def run_local(options: RunOptions) -> int:
         mesh.close()
 
 
-def _set_up_log(file: Path) -> None:
+def _set_up_log(file: Path) -> logging.Handler:
+    """All into the file, warnings to the terminal too, by the handler that is returned."""
     console = logging.StreamHandler()
     console.setLevel(logging.WARNING)
     logging.basicConfig(
         level=logging.INFO, format="%(levelname)s %(name)s %(message)s", handlers=[logging.FileHandler(file), console]
     )
+    return console
 
 
 class LocalRun:
     """One run of the mesh. `run` once, then `close`."""
 
-    def __init__(self, options: RunOptions, folder: Path, stop: threading.Event) -> None:
+    def __init__(self, options: RunOptions, folder: Path, stop: threading.Event, console: logging.Handler) -> None:
         self._options = options
         self._folder = folder
         self._stop = stop
@@ -121,11 +126,16 @@ class LocalRun:
         self._started_wall_s = time.monotonic()
         self._began_s: float | None = None  # on the mission's clock
         self._person_halted = False  # stopped or paused, and nobody has said since that the robot may go on
+        self.finished = False  # the mission, as the Planner said last
+        self._console = console
+        self._screen: TerminalUi | None = None
+        self._ends_when_finished = True
 
     def run(self) -> int:
         print(f"Starting the robot on the floor {self._options.floor.stem}; run folder {self._folder}", flush=True)
         self._start_processes()
-        self._bus = bus = ZenohBus("command_center", self._config, FreeClock())
+        # Under a name of its own: the token of the command center is the Command Center's
+        self._bus = bus = ZenohBus("local", self._config, FreeClock())
         bus.latest(PLAN)
         self._await_ready(bus)
         self._supervisor.settled = True
@@ -133,6 +143,8 @@ class LocalRun:
         print(f"All modules are ready. The live map: http://{page.host}:{page.port}/", flush=True)
         if self._options.headless:
             self._start_mission(bus)
+        elif has_terminal():
+            self._open_screen()
         else:
             print(f"Start the mission with: indoor-mapping start --config {self._config_file}", flush=True)
         try:
@@ -140,6 +152,7 @@ class LocalRun:
         finally:
             # What was mapped until a person, or a fault, ended the run is worth its summary too
             view = bus.latest(PLAN)
+            self._close_screen()
             self._end_in_order()
             if view is not None and self._began_s is not None:
                 self._summarise(view)
@@ -147,6 +160,7 @@ class LocalRun:
 
     def close(self) -> None:
         """Ends every process that was started."""
+        self._close_screen()
         if self._bus is not None:
             self._bus.close()
         self._supervisor.end("recorder", RECORDER_TIMEOUT_S)
@@ -214,21 +228,48 @@ class LocalRun:
         self._until(started, STARTUP_GRACE_S, lambda: "The planner did not take the start command.")
         print("The mission has started.", flush=True)
 
+    def _open_screen(self) -> None:
+        """From here on the terminal is the Command Center's; the mesh ends when a person says so."""
+        self._ends_when_finished = False
+        self._console.setLevel(logging.CRITICAL + 1)
+        arguments = ["--config", str(self._config_file), "--log-dir", str(self._work), "--run-dir", str(self._folder)]
+        self._screen = TerminalUi(arguments)
+
+    def _close_screen(self) -> None:
+        if self._screen is not None:
+            self._screen.close()
+            self._screen = None
+            self._console.setLevel(logging.WARNING)
+
+    def _look_after_screen(self) -> None:
+        """Raises Interrupted when a person has left it with the mesh."""
+        left = self._screen.left() if self._screen is not None else None
+        if left is None:
+            return
+        self._close_screen()
+        if left is Left.END:
+            raise Interrupted
+        why = "" if left is Left.KEEP else f"The Command Center ended by itself; its log is in {self._work}. "
+        reopen = f"indoor-mapping command-center --config {self._config_file}"
+        print(f"{why}The mesh goes on; Ctrl-C ends it. To look at it again: {reopen}", flush=True)
+
     def _await_finish(self, bus: ZenohBus) -> None:
         next_s = time.monotonic() + _PROGRESS_PERIOD_S
         while True:
             self._supervisor.check()
+            self._look_after_screen()
             view = bus.latest(PLAN)
             if view is not None:
                 if self._began_s is None and view.mode != _WAITING:
                     self._began_s = view.t_s
                 if self._options.headless:
                     self._start_again(bus, view)
-                if view.finished:
+                self.finished = view.finished
+                if self.finished and self._ends_when_finished:
                     print("The mission is finished.", flush=True)
                     self._await_recorded(bus)
                     return
-                if time.monotonic() >= next_s and self._began_s is not None:
+                if time.monotonic() >= next_s and self._began_s is not None and self._screen is None:
                     next_s = time.monotonic() + _PROGRESS_PERIOD_S
                     self._print_progress(bus, view, view.t_s - self._began_s)
             if self._stop.wait(_POLL_S):

@@ -21,5 +21,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ProcessSpec("planner", "onboard.planner", "beaglebone"),
     ProcessSpec("recorder", "offboard.recorder", "laptop"),
     ProcessSpec("visualizer", "offboard.visualizer", "laptop"),
+    # It takes a terminal: `local` opens it in its own, where it has one
+    ProcessSpec("command_center", "offboard.command_center", "laptop", local=False),
 )
 BY_NAME = {spec.name: spec for spec in PROCESSES}
