@@ -19,6 +19,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ProcessSpec("bridge", "onboard.bridge", "beaglebone"),
     ProcessSpec("mmu", "onboard.mmu", "beaglebone"),
     ProcessSpec("planner", "onboard.planner", "beaglebone"),
+    ProcessSpec("poi", "onboard.poi", "raspberry"),
     ProcessSpec("recorder", "offboard.recorder", "laptop"),
 )
 BY_NAME = {spec.name: spec for spec in PROCESSES}
