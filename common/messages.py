@@ -379,7 +379,7 @@ MAP = _topic(
     MapUpdate,
     MAP_RATE_MAX_HZ,
     Stance.STATE,
-    f"planner {OFFBOARD}",
+    f"planner poi {OFFBOARD}",
     "lfc_mmu_pln lfc_mmu_cm lfc_cm_vsl",
     "on change",
 )

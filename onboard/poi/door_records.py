@@ -8,6 +8,7 @@ node decides when a door is told and when another photo is asked for.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from math import atan2, cos, sin
@@ -25,6 +26,7 @@ DOOR_WIDTH_M = (0.65, 1.45)  # between the outer edges of the frame
 USUAL_WIDTH_M = 1.06
 PLATE_REACH_M = 0.55  # from a plate to its door's nearest edge
 SIGHTINGS_MIN = 2
+SIGHTINGS_UNREAD_MIN = 4  # of the edges of a door that nothing else speaks for
 AGREEING_MIN = 2
 BLANKS_MAX = 3
 SAME_DOOR_M = 0.6  # two that stand nearer are one, seen twice
@@ -159,7 +161,9 @@ class Door:
 class DoorRecords:
     """All edges and signs of the floor. `doors()` joins them anew at every call."""
 
-    def __init__(self) -> None:
+    def __init__(self, backed: Callable[[WallPoint, WallPoint], bool]) -> None:
+        """`backed`: is there wall between a left and a right edge?"""
+        self._backed = backed
         self.edges: list[Edge] = []
         self.signs: list[Sign] = []
 
@@ -197,8 +201,12 @@ class DoorRecords:
 
     def doors(self) -> list[Door]:
         """Doors with their plates, and plates that stand alone."""
-        spans = _spans([e for e in self.edges if e.place.count >= SIGHTINGS_MIN])
-        plates = [s for s in self.signs if s.is_plate]
+        spans = [
+            (left, right)
+            for left, right in _spans([e for e in self.edges if e.place.count >= SIGHTINGS_MIN])
+            if self._backed(left.place.point, right.place.point)
+        ]
+        plates = _distinct_plates([s for s in self.signs if s.is_plate])
         mine: dict[int, Sign] = {}
         alone = []
         # The nearest pairs first: a door has one plate, and a plate one door
@@ -214,7 +222,11 @@ class DoorRecords:
                 mine[i] = plates[j]
                 taken.add(j)
         alone = [plate for j, plate in enumerate(plates) if j not in taken]
-        doors = [_door(left, right, mine.get(i)) for i, (left, right) in enumerate(spans)]
+        doors = [
+            _door(left, right, mine.get(i))
+            for i, (left, right) in enumerate(spans)
+            if i in mine or min(left.place.count, right.place.count) >= SIGHTINGS_UNREAD_MIN
+        ]
         return _distinct(doors + [self._door_of_plate(plate) for plate in alone])
 
     def _door_of_plate(self, plate: Sign) -> Door:
@@ -236,6 +248,16 @@ class DoorRecords:
         inwards_m = (USUAL_WIDTH_M / 2) * (1.0 if edge.side is Side.LEFT else -1.0)
         centre = WallPoint(e.x_m - inwards_m * sin(e.normal_rad), e.y_m + inwards_m * cos(e.normal_rad), e.normal_rad)
         return Door(centre, USUAL_WIDTH_M, plate, (edge,), max(edge.place.seen_s, plate.place.seen_s))
+
+
+def _distinct_plates(plates: list[Sign]) -> list[Sign]:
+    """Without those that say the same as a better read one near it: one plate, placed twice."""
+    kept: list[Sign] = []
+    for plate in sorted(plates, key=lambda s: s.numbers[s.number], reverse=True):
+        twins = (other for other in kept if other.number == plate.number)
+        if not any(other.place.point.distance_m(plate.place.point) < SAME_NUMBER_M for other in twins):
+            kept.append(plate)
+    return kept
 
 
 def _distinct(doors: list[Door]) -> list[Door]:

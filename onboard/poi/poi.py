@@ -1,6 +1,6 @@
 """Node `poi` on the Raspberry Pi: pose, echoes and camera in; one record per door, and requests for another photo, out.
 
-Reads POSE, RANGES and PERMIT, and frames from its source. Writes POI (an event when a door was read, or was passed
+Reads POSE, RANGES, MAP and PERMIT, and frames from its source. Writes POI (an event when a door was read, or was passed
 without), RETAKE (to the planner), status and log. A latched stop ends the taking of photos until it is released.
 """
 
@@ -146,7 +146,7 @@ class Poi:
                 return
 
     def _begin_retake(self, bus: Bus, now_s: float, sign: Sign) -> None:
-        goal = pose_before(sign.place.point, sign.distance_m)
+        goal = pose_before(self._survey.map.facing(sign.place.point), sign.distance_m)
         self._retake, command = begin(goal, now_s)
         bus.publish(RETAKE, PoiRequest(now_s, command, goal.x_m, goal.y_m, goal.heading_rad))
 

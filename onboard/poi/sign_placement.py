@@ -18,7 +18,8 @@ from common.geometry import Pose2, wrap_angle
 WALL_REACH_M = 2.6  # from further away nothing is read
 ALONG_M = 1.2  # echoes this near to the newest belong to the same piece of wall
 STEP_MAX_M = 0.12  # off the line: another wall
-SKEW_MAX_RAD = 0.45  # a wall that stands more across than this is not the one on the right
+SKEW_MAX_RAD = 0.25  # a wall that stands more across than this is not the one that the robot drives along
+ROUGH_MAX_M = 0.035  # feet that lie worse than this on a line lie on several walls
 FEET_KEPT = 120
 FEET_MIN = 4
 SPREAD_MIN_M = 0.25  # shorter pieces say nothing about the direction
@@ -99,9 +100,11 @@ class WallTracker:
         on_it = beside[np.abs(beside[:, 1] - level_m) < 2 * STEP_MAX_M]
         along_rad, level_m = _line(on_it)
         off_m = np.abs(on_it[:, 1] - level_m - np.tan(along_rad) * on_it[:, 0])
-        along_rad, level_m = _line(on_it[off_m < STEP_MAX_M])
+        plain = on_it[off_m < STEP_MAX_M]
+        along_rad, level_m = _line(plain)
+        rough_m = float(np.std(plain[:, 1] - np.tan(along_rad) * plain[:, 0])) if len(plain) else 0.0
         distance_m = -level_m * cos(along_rad)
-        if abs(along_rad) > SKEW_MAX_RAD or not 0.0 < distance_m < WALL_REACH_M:
+        if abs(along_rad) > SKEW_MAX_RAD or rough_m > ROUGH_MAX_M or not 0.0 < distance_m < WALL_REACH_M:
             return None
         return WallLine(distance_m, along_rad)
 

@@ -74,14 +74,14 @@ class SignReading:
 class SignReader:
     """rapidocr with its bundled models, one thread, so that it repeats to the bit. Loading takes about a second."""
 
-    def __init__(self) -> None:
+    def __init__(self, detection_side_px: int = DETECTION_SIDE_PX) -> None:
         from rapidocr import RapidOCR  # here: a process without camera need not have it
 
         cv2.setNumThreads(1)
         self._ocr: Any = RapidOCR(
             params={
                 "Global.log_level": "critical",
-                "Det.limit_side_len": DETECTION_SIDE_PX,
+                "Det.limit_side_len": detection_side_px,
                 "Det.limit_type": "max",
                 "EngineConfig.onnxruntime.intra_op_num_threads": 1,
                 "EngineConfig.onnxruntime.inter_op_num_threads": 1,
@@ -140,8 +140,13 @@ class SignRules:
     number: re.Pattern[str]
     room_types: tuple[str, ...]
 
-    def judge(self, lines: Sequence[TextLine], m_per_px: float, image_height_px: float) -> SignReading:
-        """One sign, from its lines; `m_per_px` is the scale on the wall."""
+    def judge(
+        self, lines: Sequence[TextLine], m_per_px: float | None = None, image_height_px: float | None = None
+    ) -> SignReading:
+        """One sign, from its lines; `m_per_px` is the scale on the wall, where it is known.
+
+        `image_height_px` of a picture whose upper and lower border may hide more of the sign; None where it is whole.
+        """
         numbers = [(line, number) for line in lines if (number := self.room_number(line.text))]
         types = [(line, kind) for line in lines if (kind := self.room_type(line.text))]
         named = [line for line, _ in numbers + types]
@@ -155,13 +160,13 @@ class SignRules:
             vague = not numbers and len(lines) <= 2 and not _is_prose(lines) and bool(types or _digits(lines))
             return replace(reading, verdict=Verdict.UNCLEAR if vague else Verdict.OTHER)
         line, number = numbers[0]
-        sized = NUMBER_HEIGHT_M[0] <= line.height_px * m_per_px <= NUMBER_HEIGHT_M[1]
+        sized = m_per_px is None or NUMBER_HEIGHT_M[0] <= line.height_px * m_per_px <= NUMBER_HEIGHT_M[1]
         if not sized or any(other.height_px > SECONDARY * line.height_px for other in others):
             return reading
         # A neighbouring line may hide behind the picture's border
-        open_above = y0 < NEIGHBOUR_GAP * line.height_px
-        open_below = y1 > image_height_px - NEIGHBOUR_GAP * line.height_px
-        if open_above or open_below or line.confidence < CONFIDENT:
+        reach_px = NEIGHBOUR_GAP * line.height_px
+        cut = image_height_px is not None and (y0 < reach_px or y1 > image_height_px - reach_px)
+        if cut or line.confidence < CONFIDENT:
             return replace(reading, verdict=Verdict.UNCLEAR)
         return replace(
             reading,

@@ -14,7 +14,7 @@ import cv2
 from common.bus import Bus
 from common.constants import SONAR_RIGHT
 from common.geometry import Pose2
-from common.messages import POSE, RANGES, PoseEstimate, Ranges
+from common.messages import MAP, POSE, RANGES, PoseEstimate, Ranges
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.door_detection import ColourBox, DoorDetector
 from onboard.poi.door_records import DoorRecords
@@ -24,6 +24,7 @@ from onboard.poi.pose_history import PoseHistory
 from onboard.poi.reading_worker import Finding, Job, Reading, ReadingWorker
 from onboard.poi.sign_detection import Box, sign_candidates
 from onboard.poi.sign_placement import WallLine, WallPoint, WallTracker
+from onboard.poi.wall_map import WallMap
 
 TURNING_RAD_S = 0.08
 FULL_SPACING_M = 0.12
@@ -40,7 +41,8 @@ class Survey:
     def __init__(
         self, source: FrameSource, worker: ReadingWorker, boxes: tuple[ColourBox, ...], field_of_view_rad: float
     ) -> None:
-        self.records = DoorRecords()
+        self.map = WallMap()
+        self.records = DoorRecords(self.map.backs)
         self.history = PoseHistory()
         self.photos_read = 0
         self.frame_seen_s = -inf
@@ -58,7 +60,9 @@ class Survey:
         self._echo_s = -inf
 
     def listen(self, bus: Bus, now_s: float) -> None:
-        """Takes in poses and echoes."""
+        """Takes in poses, echoes and the map."""
+        for update in bus.take(MAP):
+            self.map.add(update)
         arrived_s = now_s - bus.age_s(POSE)
         for estimate in bus.take(POSE):
             if estimate.valid:
