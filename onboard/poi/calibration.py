@@ -36,9 +36,7 @@ def field_of_view_deg(photos: list[Image], columns: int, rows: int) -> tuple[flo
             limit = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
             corners.append(cv2.cornerSubPix(gray, places, (5, 5), (-1, -1), limit))
     if not corners:
-        raise StartError(
-            f"No photo shows a whole chessboard of {columns} x {rows} inner corners: hold it nearer, tilted."
-        )
+        raise StartError(f"No photo shows a chessboard of {columns} x {rows} inner corners: hold it nearer.")
     focal_px = float(size_px[0])
     guess = np.array([[focal_px, 0, size_px[0] / 2], [0, focal_px, size_px[1] / 2], [0, 0, 1]])
     flags = (

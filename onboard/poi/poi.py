@@ -59,6 +59,7 @@ class _Told:
 
     poi_id: int
     point: WallPoint
+    sign: Sign | None
     content: tuple[str, str, str]  # state, number, room type
     quality: float
 
@@ -103,25 +104,32 @@ class Poi:
 
     def _tell(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
         for door in doors:
-            if door.state is not State.READ and not self._passed(door.centre, door.seen_s, pose, now_s):
+            # Until both edges were seen, where the middle is is a guess
+            certain = door.state is State.READ and len(door.edges) == 2
+            if not certain and not self._passed(door.centre, door.seen_s, pose, now_s):
                 continue
-            told = self._record_of(door.centre)
+            told = self._record_of(door)
             sign = door.sign
             content = (door.state.value, sign.number if sign else "", sign.room_type if sign else "")
             quality = sign.photo_quality if sign else 0.0
             if told is None:
-                told = _Told(len(self._told) + 1, door.centre, ("", "", ""), -2.0)
+                told = _Told(len(self._told) + 1, door.centre, sign, ("", "", ""), -2.0)
                 self._told.append(told)
             moved_m = told.point.distance_m(door.centre)
             if content == told.content and moved_m < MOVED_M:
                 continue
             photo = sign.photo if sign is not None and quality > told.quality else b""
-            told.point, told.content, told.quality = door.centre, content, max(quality, told.quality)
+            told.point, told.sign, told.content = door.centre, sign, content
+            told.quality = max(quality, told.quality)
             bus.publish(POI, _record(door, told.poi_id, photo, now_s))
 
-    def _record_of(self, point: WallPoint) -> _Told | None:
-        nearest = min(self._told, key=lambda told: told.point.distance_m(point), default=None)
-        return nearest if nearest is not None and nearest.point.distance_m(point) < SAME_RECORD_M else None
+    def _record_of(self, door: Door) -> _Told | None:
+        """The record that tells of this door: of its plate, or of this place."""
+        for told in self._told:
+            if door.sign is not None and told.sign is door.sign:
+                return told
+        nearest = min(self._told, key=lambda told: told.point.distance_m(door.centre), default=None)
+        return nearest if nearest is not None and nearest.point.distance_m(door.centre) < SAME_RECORD_M else None
 
     def _passed(self, point: WallPoint, seen_s: float, pose: Pose2, now_s: float) -> bool:
         away_m = hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)

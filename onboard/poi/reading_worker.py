@@ -197,5 +197,4 @@ class ThreadWorker:
             while (job := self._jobs.get()) is not None:
                 self._done.put(read_job(job))
         except BaseException as error:
-            self._failed = error
-            raise
+            self._failed = error  # raised again where the process can end by it

@@ -57,13 +57,9 @@ def sign_candidates(gray: Gray, camera: CameraModel, depth_m: float) -> list[Box
     count, _, stats, _ = cv2.connectedComponentsWithStats(joined)
     margin_px = MARGIN_M / m_per_px
     found = []
-    for x, y, width, height, area in stats[1:count].tolist():
+    for x, y, width, height, _ in stats[1:count].tolist():
         inside = x > margin_px and x + width < gray.shape[1] - margin_px
-        sized = (
-            WIDTH_M[0] <= width * m_per_px <= WIDTH_M[1]
-            and HEIGHT_M[0] <= height * m_per_px <= HEIGHT_M[1]
-            and area >= 0.3 * width * height
-        )
+        sized = WIDTH_M[0] <= width * m_per_px <= WIDTH_M[1] and HEIGHT_M[0] <= height * m_per_px <= HEIGHT_M[1]
         if inside and sized and strokes[y : y + height, x : x + width].mean() > DENSITY_MIN:
             found.append(Box(float(x), float(y + top), float(width), float(height)))
     return sorted(found, key=lambda box: box.x_px)
