@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import logging
 import os
-import queue
 import threading
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -143,58 +143,39 @@ class DeferredWorker:
 
 
 class ThreadWorker:
-    """The robot: a thread that yields to everything else on its board. A full queue refuses; the wall stays there."""
+    """The robot: a thread that yields to everything else on its board. It refuses more than JOBS_MAX."""
 
     def __init__(self, load: Callable[[], Read]) -> None:
-        self._load = load
-        self._jobs: queue.Queue[Job | None] = queue.Queue(JOBS_MAX)
-        self._done: queue.SimpleQueue[Reading] = queue.SimpleQueue()
-        self._loaded = threading.Event()
-        self._failed: BaseException | None = None
-        self._taken = 0
-        self._thread = threading.Thread(target=self._run, name="reading", daemon=True)
-        self._thread.start()
+        self._thread = ThreadPoolExecutor(1, "reading", initializer=_yield_to_others)
+        self._read = self._thread.submit(load)
+        self._jobs: deque[Future[Reading]] = deque()
 
     @property
     def pending(self) -> int:
-        return self._taken
+        return len(self._jobs)
 
     @property
     def ready(self) -> bool:
-        return self._loaded.is_set()
+        return self._read.done()
 
     def submit(self, job: Job, now_s: float) -> None:
-        try:
-            self._jobs.put_nowait(job)
-            self._taken += 1
-        except queue.Full:
+        if len(self._jobs) >= JOBS_MAX:
             _log.info("reading is behind; a frame was left out t_s=%.2f", now_s)
+            return
+        self._jobs.append(self._thread.submit(lambda: self._read.result()(job)))
 
     def results(self, now_s: float) -> list[Reading]:
-        """What is done; raises what ended the thread."""
-        if self._failed is not None:
-            raise self._failed
+        """What is done; raises what went wrong in the thread, so that the process ends by it."""
+        if self._read.done():
+            self._read.result()
         done = []
-        while not self._done.empty():
-            done.append(self._done.get())
-        self._taken -= len(done)
+        while self._jobs and self._jobs[0].done():
+            done.append(self._jobs.popleft().result())
         return done
 
     def close(self) -> None:
-        while True:
-            try:
-                self._jobs.put_nowait(None)
-                break
-            except queue.Full:
-                self._jobs.get_nowait()
-        self._thread.join(5.0)
+        self._thread.shutdown(wait=True, cancel_futures=True)
 
-    def _run(self) -> None:
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
-        try:
-            read_job = self._load()
-            self._loaded.set()
-            while (job := self._jobs.get()) is not None:
-                self._done.put(read_job(job))
-        except BaseException as error:
-            self._failed = error  # raised again where the process can end by it
+
+def _yield_to_others() -> None:
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
