@@ -13,7 +13,14 @@ from math import degrees, radians
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-from common.constants import PLANNER_CLEARANCE_M, SONAR_BEARINGS_RAD, SONAR_COUNT, WHEEL_DIAMETER_M, WHEEL_TRACK_M
+from common.constants import (
+    CAMERA_FIELD_OF_VIEW_RAD,
+    PLANNER_CLEARANCE_M,
+    SONAR_BEARINGS_RAD,
+    SONAR_COUNT,
+    WHEEL_DIAMETER_M,
+    WHEEL_TRACK_M,
+)
 from common.errors import StartError
 from common.messages import STATUS
 
@@ -77,6 +84,21 @@ class VisualizerSection:
 
 
 @dataclass(frozen=True, slots=True)
+class PoiSection:
+    """The camera, and what signs look like at this site."""
+
+    source: str = "picamera"  # or /dev/video0, a number, a photo or folder of photos, unix:PATH
+    field_of_view_deg: float = round(degrees(CAMERA_FIELD_OF_VIEW_RAD), 6)  # from side to side
+    number_pattern: str = "[0-9]{3,4}[A-Z]?"  # a whole room number: capitals, without spaces and dashes
+    room_types: tuple[str, ...] = (
+        "Office", "Meeting Room", "Conference Room", "Laboratory", "Lab", "Classroom", "Lecture Room", "Seminar Room",
+        "Washroom", "Restroom", "Toilet", "WC", "Storage", "Kitchen", "Library", "Reception", "Server Room",
+        "Copy Room", "Printer Room", "Mail Room", "Lounge", "Workshop", "Studio", "Staff Room", "Utility", "Stairs",
+    )  # fmt: skip
+    door_colours: tuple[str, ...] = ()  # from `calibrate doors`; without, a door is what stands out from the wall
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     robot: RobotSection = field(default_factory=RobotSection)
     mesh: MeshSection = field(default_factory=MeshSection)
@@ -86,6 +108,13 @@ class Config:
     comm: CommSection = field(default_factory=CommSection)
     planner: PlannerSection = field(default_factory=PlannerSection)
     visualizer: VisualizerSection = field(default_factory=VisualizerSection)
+    poi: PoiSection = field(default_factory=PoiSection)
+
+
+def with_camera(config: Config) -> Config:
+    """The configuration of a robot that has a camera: without the POI module nothing moves either."""
+    required = tuple(dict.fromkeys((*config.comm.required, "poi")))
+    return dataclasses.replace(config, comm=dataclasses.replace(config.comm, required=required))
 
 
 _NAMES = {str: "text in quotes", int: "a whole number", float: "a number", bool: "true or false"}
@@ -128,6 +157,9 @@ def _check(config: Config, file: str) -> None:
             raise ConfigError(f"{file}: wheels.{key} must be between 0.01 and 2 metres, not {length_m}.")
     if not 0 <= config.visualizer.port <= 65535:
         raise ConfigError(f"{file}: visualizer.port must be between 0 and 65535, not {config.visualizer.port}.")
+    view_deg = config.poi.field_of_view_deg
+    if not 10.0 < view_deg < 170.0:
+        raise ConfigError(f"{file}: poi.field_of_view_deg must be between 10 and 170, not {view_deg}.")
     count = len(config.sonars.bearings_deg)
     if count != SONAR_COUNT:
         raise ConfigError(f"{file}: sonars.bearings_deg must hold {SONAR_COUNT} angles, not {count}.")

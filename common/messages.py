@@ -421,7 +421,7 @@ MAP = _topic(
     MapUpdate,
     MAP_RATE_MAX_HZ,
     Stance.STATE,
-    f"planner {OFFBOARD}",
+    f"planner poi {OFFBOARD}",
     "lfc_mmu_pln lfc_mmu_cm lfc_cm_vsl",
     "on change",
 )
@@ -434,7 +434,7 @@ TRAJECTORY = _topic(
 PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, Stance.STATE, OFFBOARD, note="for people")
 RETAKE = _topic("poi/request", PoiRequest, 0.0, Stance.COMMAND, "planner recorder", "lfc_poi_pln")
 POI = _topic("poi/record", PointOfInterest, 0.0, Stance.EVENT, OFFBOARD, "lfc_poi_cm lfc_cm_vsl")
-PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner {OFFBOARD}")
+PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner poi {OFFBOARD}")
 STOP = _topic("command_center/stop", StopRequest, 0.0, Stance.COMMAND, "bridge comm recorder", "lfc_cm_cc")
 OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, Stance.COMMAND, "planner recorder")
 OUTBOX = _topic(

@@ -12,6 +12,7 @@ import logging
 import signal
 import socket
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, VisualizerSection, config_text
+from common.config import BridgeSection, Config, MeshSection, PoiSection, VisualizerSection, config_text, with_camera
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, PlannerView
@@ -110,6 +111,9 @@ class LocalRun:
         self._stop = stop
         self._work = folder / "process"
         self._serial = self._work / "serial"
+        # A socket's path must be short, which a run folder's need not be
+        self._socket_folder = tempfile.TemporaryDirectory(prefix="indoor-mapping-")
+        self._frames = Path(self._socket_folder.name) / "frames"
         for left_over in (self._serial, self._work / "stop_latch.json", *self._work.glob(f"*{STEPS_SUFFIX}")):
             left_over.unlink(missing_ok=True)
         # Headless runs go side by side, and between looking for a free port and taking it another could take it
@@ -118,7 +122,10 @@ class LocalRun:
             mesh=MeshSection(f"tcp/127.0.0.1:{free_port(router)}", f"tcp/127.0.0.1:{free_port()}"),
             bridge=BridgeSection(serial_port=str(self._serial)),
             visualizer=VisualizerSection(port=free_port(page)),
+            poi=PoiSection(source=f"unix:{self._frames}"),
         )
+        if options.camera != "off":
+            self._config = with_camera(self._config)
         self._config_file = self._work / "robot.toml"
         self._config_file.write_text(config_text(self._config), encoding="utf-8")
         self._supervisor = Supervisor(self._work)
@@ -165,14 +172,19 @@ class LocalRun:
             self._bus.close()
         self._supervisor.end("recorder", RECORDER_TIMEOUT_S)
         self._supervisor.end_all(END_TIMEOUT_S)
+        self._socket_folder.cleanup()
 
     def _start_processes(self) -> None:
         """All at once, but for the bridge: a port that is not there yet would cost it a whole second."""
-        *others, bridge = sorted((s for s in PROCESSES if s.local), key=lambda s: s.name == "bridge")
+        *others, bridge = sorted(self._processes(), key=lambda s: s.name == "bridge")
         for spec in others:
             self._supervisor.start(spec.name, spec.module, self._arguments(spec), restart=spec.name != "simulator")
         self._until(self._serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
         self._supervisor.start(bridge.name, bridge.module, self._arguments(bridge))
+
+    def _processes(self) -> list[ProcessSpec]:
+        """Those of the local mesh; the POI module only where there is something to look at."""
+        return [s for s in PROCESSES if s.local and (s.name != "poi" or self._options.camera != "off")]
 
     def _arguments(self, spec: ProcessSpec) -> list[str]:
         options = self._options
@@ -184,7 +196,7 @@ class LocalRun:
         if spec.name == "simulator":
             arguments += ["--floor", str(options.floor.resolve()), "--start", str(options.start)]
             arguments += ["--seed", str(options.seed), "--errors", options.errors, "--speed", str(options.speed)]
-            arguments += ["--camera", options.camera]
+            arguments += ["--camera", options.camera, "--frames", str(self._frames)]
             arguments += ["--run-dir", str(self._folder)]
             if options.events is not None:
                 arguments += ["--events", str(options.events.resolve())]

@@ -19,6 +19,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ProcessSpec("bridge", "onboard.bridge", "beaglebone"),
     ProcessSpec("mmu", "onboard.mmu", "beaglebone"),
     ProcessSpec("planner", "onboard.planner", "beaglebone"),
+    ProcessSpec("poi", "onboard.poi", "raspberry"),
     ProcessSpec("recorder", "offboard.recorder", "laptop"),
     ProcessSpec("visualizer", "offboard.visualizer", "laptop"),
     # It takes a terminal: `local` opens it in its own, where it has one
