@@ -153,8 +153,8 @@ class Outbox:
         self._receipt, self._receipt_heard_s = receipt, now_s
         if rows is None:
             return
-        if receipt.number >= rows.end:
-            self._acknowledged, self._rows = rows.end, None
+        if receipt.number > rows.number:
+            self._acknowledged, self._rows = receipt.number, None
             if self._stored_bytes > len(rows.data):
                 self._next_rows_due = True
         elif self._held_by_recorder(rows) > self._held:
@@ -198,7 +198,9 @@ class Outbox:
         if rows is None:
             return
         if now_s >= self._resend_due_s:  # no progress: pieces were lost, or the recorder was restarted
-            self._offset = self._held = self._held_by_recorder(rows)
+            held = self._held_by_recorder(rows)
+            # All of it in hand, and still no receipt: a recorder that died with it must hear something to answer
+            self._offset = self._held = held if held < len(rows.data) else 0
             self._resend_pause_s = min(2 * self._resend_pause_s, RESEND_MAX_S)
             self._resend_due_s = now_s + self._resend_pause_s
         if self._offset >= len(rows.data) or self._offset - self._held >= AHEAD_BYTES:

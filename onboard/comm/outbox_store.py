@@ -31,10 +31,9 @@ _log = logging.getLogger("comm")
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """What goes to the recorder next: packed rows from `number` up to before `end`."""
+    """What goes to the recorder next: packed rows from `number` on."""
 
     number: int
-    end: int
     data: bytes
 
 
@@ -124,7 +123,7 @@ class OutboxStore:
             size += len(data)
         if not rows:
             return None
-        return Rows(rows[0][0], rows[-1][0] + 1, msgpack.packb([list(row) for row in rows]))
+        return Rows(rows[0][0], msgpack.packb([list(row) for row in rows]))
 
 
 def open_store(file: Path | None, new_id: int | None = None) -> OutboxStore:

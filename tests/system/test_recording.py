@@ -298,6 +298,7 @@ def relay(mesh: Mesh) -> Iterator[Relay]:
     made.close()
 
 
+@pytest.mark.slow
 @pytest.mark.requirement("CM_MR_01")
 def test_a_slow_link_that_comes_and_goes_leaves_no_hole_and_no_double(mesh: Mesh, relay: Relay) -> None:
     relay.delay_s = 0.1

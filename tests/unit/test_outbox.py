@@ -154,6 +154,32 @@ def test_a_recorder_that_was_killed_in_the_middle_of_a_photo_goes_on(link: Link)
     assert (link.folder / "run" / "photos" / "poi_1.jpg").stat().st_size == photo_bytes
 
 
+@pytest.mark.parametrize("steps", range(1, 16))
+def test_a_recorder_that_is_killed_at_any_moment_goes_on(link: Link, steps: int) -> None:
+    link.module.publish(POI, door(1, 3 * PIECE_BYTES))
+    link.run(steps * 0.05, link.say)
+    link.recorder._database.close()  # type: ignore[union-attr]
+    link.laptop = LocalMesh(3)
+    link.far = link.far[0], link.laptop.endpoint("far")
+    link.far[1].take(OUTBOX)
+    link.start_recorder()
+    link.run(5.0, link.say)
+    link.run(5.0)
+    link.assert_all_once()
+
+
+@pytest.mark.parametrize("steps", range(1, 16))
+def test_an_outbox_that_ends_at_any_moment_goes_on(link: Link, steps: int) -> None:
+    link.module.publish(POI, door(1, 3 * PIECE_BYTES))
+    link.run(steps * 0.05, link.say)
+    link.outbox.close()
+    link.start_outbox()
+    link.run(0.05)
+    link.run(5.0, link.say)
+    link.run(5.0)
+    link.assert_all_once()
+
+
 def test_no_piece_is_longer_than_its_limit_and_none_is_sent_twice_without_need(link: Link) -> None:
     for k in range(3):
         link.module.publish(POI, door(k, 5 * PIECE_BYTES))
