@@ -42,7 +42,9 @@ def add_verbs(verbs: Any) -> None:
         parser = verbs.add_parser(name, help=text)
         parser.add_argument("--config", type=Path, help="robot.toml of the mesh")
         if name == "goto":
-            parser.add_argument("place", metavar="ROOM_OR_X,Y", help="number of a door that was found, or metres")
+            parser.add_argument(
+                "place", metavar="ROOM_OR_X,Y", help="door number, or metres; a leading minus needs -- before"
+            )
             parser.add_argument("--run-dir", type=Path, help="run folder whose doors are meant; found by --config")
         parser.set_defaults(run=run)
 

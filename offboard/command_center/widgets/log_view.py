@@ -146,6 +146,8 @@ class LogView(ScrollView, can_focus=True):
             self.following = True
         elif fallen:
             self.scroll_to(y=max(0, self.scroll_offset.y - fallen), animate=False, immediate=True, force=True)
+        # Textual tells a scroll bar only once it is there
+        self.vertical_scrollbar.position = self.scroll_y
         self._retitle()
         self.refresh()
 

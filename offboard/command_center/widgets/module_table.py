@@ -10,7 +10,16 @@ from offboard.command_center.command_center import SHOWN_MODULES
 from offboard.command_center.module_watch import Freshness, ModuleRow
 from offboard.command_center.snapshot import Snapshot
 
-COLUMNS = (("module", 14), ("", 3), ("state", 10), ("age", 12), ("memory", 7), ("rate", 5), ("error", None))
+# Key, heading and width; the last one is cut off by the edge of the table
+COLUMNS = (
+    ("module", "module", 14),
+    ("code", "", 3),
+    ("state", "state", 10),
+    ("age", "age", 12),
+    ("memory", "memory", 7),
+    ("rate", "rate", 5),
+    ("error", "error → what to do", 100),
+)
 _TITLES = {module: code for code, module in MODULES.items()}
 _DIM, _BAD, _GOOD = "#6e7681", "bold #ff7b72", "#7ee787"
 _UNIT = 1024
@@ -72,8 +81,8 @@ class ModuleTable(DataTable[Text]):
         self._shown: dict[str, tuple[Text, ...]] = {}
 
     def on_mount(self) -> None:
-        for title, width in COLUMNS:
-            self.add_column(title, key=title or "code", width=width)
+        for key, heading, width in COLUMNS:
+            self.add_column(heading, key=key, width=width)
         for module in SHOWN_MODULES:
             row = tuple(Text("") for _ in COLUMNS)
             self.add_row(*row, key=module)
@@ -86,9 +95,9 @@ class ModuleTable(DataTable[Text]):
         for row in snapshot.rows:
             new = cells(row)
             old = self._shown.get(row.module)
-            for i, (title, _) in enumerate(COLUMNS):
+            for i, (key, _, _) in enumerate(COLUMNS):
                 if old is None or old[i] != new[i] or old[i].style != new[i].style:
-                    self.update_cell(row.module, title or "code", new[i], update_width=title == "error")
+                    self.update_cell(row.module, key, new[i])
             self._shown[row.module] = new
         live = sum(row.freshness is Freshness.LIVE for row in snapshot.rows)
         self.border_title = f"MODULES {live}/{len(snapshot.rows)} live"
