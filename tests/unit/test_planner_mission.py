@@ -167,3 +167,15 @@ def test_a_place_that_cannot_be_reached_is_not_answered_with_another() -> None:
     for _ in range(600):
         drive.step()
     assert drive.pose.distance_m(Pose2(4.0, 0.0, 0.0)) < 0.3
+
+
+def test_detour_that_nobody_wants_any_more_ends() -> None:
+    mission = Mission()
+    mission.start(Pose2(0.0, 0.0, 0.0), 0.0)
+    mission.detour(Pose2(2.0, 0.0, 0.0))
+    assert mission.mode is Mode.RETAKE
+    mission.end_detour(0.0, 1.0)
+    assert mission.mode is Mode.LOOK
+    mission.go_home()
+    mission.end_detour(0.0, 2.0)
+    assert mission.mode is Mode.HOME
