@@ -148,6 +148,11 @@ class Mission:
             self.mode, self.way, self._target = Mode.RETAKE, [], (pose.x_m, pose.y_m)
             self._retake_rad = pose.heading_rad
 
+    def end_detour(self, heading_rad: float, now_s: float) -> None:
+        """Nobody wants that photo any more."""
+        if self.mode is Mode.RETAKE:
+            self._look(heading_rad, now_s)
+
     def blocked(self, view: View, bearing_rad: float) -> None:
         """Something stands in the way that the map does not know: plan around it for a while."""
         angle = view.pose.heading_rad + bearing_rad

@@ -133,6 +133,8 @@ class Planner:
         self._override = after(self._override, request.command, now_s, turning)
         if request.command is PoiCommand.GOTO and not turning:
             self._mission.detour(Pose2(request.x_m, request.y_m, request.heading_rad))
+        if request.command is PoiCommand.CONTINUE and pose is not None:
+            self._mission.end_detour(pose.heading_rad, now_s)
 
     def _trouble(self, bus: Bus) -> ErrorCode:
         """Why the robot must stand; OK where it need not."""

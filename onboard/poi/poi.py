@@ -76,7 +76,7 @@ class Poi:
         self._status = StatusReporter(self.name)
         self._retake = Retake()
         self._photos_before = 0
-        self._visits: list[tuple[WallPoint, int]] = []
+        self._visits: list[WallPoint] = []
         self._told: list[_Told] = []
         self._tell_due_s = 0.0
         self._began_s: float | None = None
@@ -149,17 +149,16 @@ class Poi:
                 and self._visits_of(spot) < VISITS_MAX
                 and not any(spot.distance_m(centre) < PASSED_M for centre in read_near)
             ):
-                self._visits.append((spot, 1))
-                self._begin_retake(bus, now_s, sign)
-                return
-
-    def _begin_retake(self, bus: Bus, now_s: float, sign: Sign) -> None:
-        goal = pose_before(self._survey.map.facing(sign.place.point), sign.distance_m)
-        self._retake, command = begin(goal, now_s)
-        bus.publish(RETAKE, PoiRequest(now_s, command, goal.x_m, goal.y_m, goal.heading_rad))
+                goal = pose_before(self._survey.map.facing(spot), sign.distance_m)
+                # What is near may be far away by the halls
+                if self._survey.map.in_sight(pose, goal):
+                    self._visits.append(spot)
+                    self._retake, command = begin(goal, now_s)
+                    bus.publish(RETAKE, PoiRequest(now_s, command, goal.x_m, goal.y_m, goal.heading_rad))
+                    return
 
     def _visits_of(self, spot: WallPoint) -> int:
-        return sum(count for at, count in self._visits if at.distance_m(spot) < SAME_RECORD_M)
+        return sum(visited.distance_m(spot) < SAME_RECORD_M for visited in self._visits)
 
     def _go_on_with_retake(self, bus: Bus, now_s: float, pose: Pose2) -> None:
         survey = self._survey

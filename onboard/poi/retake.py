@@ -62,7 +62,7 @@ def after(
         if there and facing and standing:
             return Retake(Phase.HOLDING, state.goal, now_s), PoiCommand.STOP
         if age_s > DRIVE_MAX_S:
-            return Retake(), None
+            return Retake(), PoiCommand.CONTINUE
     elif state.phase is Phase.HOLDING and (photos >= PHOTOS or age_s > HOLD_MAX_S):
         return Retake(), PoiCommand.CONTINUE
     return state, None

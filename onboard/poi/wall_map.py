@@ -9,16 +9,17 @@ from math import atan2, cos, pi
 
 import numpy as np
 
-from common.geometry import Points, wrap_angle
+from common.geometry import Points, Pose2, wrap_angle
 from common.messages import MapUpdate
 from onboard.poi.sign_placement import WallPoint
 
 BACKING_M = 0.20  # a door may stand back from its wall, and the map errs
 SAMPLES = 5
-BACKED_SHARE = 0.6
+BACKED_SHARE = 0.8
 INNER = 0.7  # of the span: at its ends echo the corners of a mouth
 NEAR_M = 0.7
 POINTS_MIN = 5
+WAY_CLEAR_M = 0.25
 STRAIGHT = 0.25  # spread across over spread along: more is a corner
 
 
@@ -46,6 +47,16 @@ class WallMap:
         samples = middle + np.linspace(-1.0, 1.0, SAMPLES)[:, None] * half
         gaps_m = np.hypot(*(samples[:, None] - near[None]).transpose(2, 0, 1)).min(axis=1)
         return bool((gaps_m < BACKING_M).mean() >= BACKED_SHARE)
+
+    def in_sight(self, from_pose: Pose2, to_pose: Pose2) -> bool:
+        """No mapped wall stands between two poses, nor next to the straight way from one to the other."""
+        a, b = np.array([from_pose.x_m, from_pose.y_m]), np.array([to_pose.x_m, to_pose.y_m])
+        length_m = float(np.hypot(*(b - a)))
+        near = self._near((a + b) / 2, length_m / 2 + WAY_CLEAR_M)
+        if not len(near) or length_m < 1e-6:
+            return True
+        share = np.clip((near - a) @ (b - a) / length_m**2, 0.0, 1.0)
+        return bool((np.hypot(*(near - a - share[:, None] * (b - a)).T) > WAY_CLEAR_M).all())
 
     def facing(self, point: WallPoint) -> WallPoint:
         """The point with the direction out of the mapped wall around it; as it is where the map shows no plain wall."""

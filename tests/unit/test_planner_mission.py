@@ -184,3 +184,15 @@ def test_a_way_that_was_chosen_at_a_junction_is_driven_before_another_is_chosen(
             turned_rad = 0.0
     assert len(turned_by_leg) >= 4
     assert max(turned_by_leg) < radians(200.0)
+
+
+def test_detour_that_nobody_wants_any_more_ends() -> None:
+    mission = Mission()
+    mission.start(Pose2(0.0, 0.0, 0.0), 0.0)
+    mission.detour(Pose2(2.0, 0.0, 0.0))
+    assert mission.mode is Mode.RETAKE
+    mission.end_detour(0.0, 1.0)
+    assert mission.mode is Mode.LOOK
+    mission.go_home()
+    mission.end_detour(0.0, 2.0)
+    assert mission.mode is Mode.HOME

@@ -249,4 +249,4 @@ def test_retake_ends_by_photos_or_by_time() -> None:
     assert after(holding, Pose2(0.0, 0.0, 0.0), (0.0, 0.0), 3, 11.0) == (Retake(), PoiCommand.CONTINUE)
     assert after(holding, Pose2(0.0, 0.0, 0.0), (0.0, 0.0), 0, 19.0) == (Retake(), PoiCommand.CONTINUE)
     driving = Retake(Phase.DRIVING, Pose2(9.0, 0.0, 0.0), 10.0)
-    assert after(driving, Pose2(0.0, 0.0, 0.0), (0.1, 0.0), 0, 99.0) == (Retake(), None)
+    assert after(driving, Pose2(0.0, 0.0, 0.0), (0.1, 0.0), 0, 99.0) == (Retake(), PoiCommand.CONTINUE)

@@ -135,3 +135,9 @@ def test_direction_of_the_map_replaces_a_skewed_one() -> None:
     walls = wall_map([(x / 10, 0.0) for x in range(30)])
     assert walls.facing(WallPoint(1.5, 0.0, pi / 2 + 0.4)).normal_rad == pytest.approx(pi / 2, abs=0.02)
     assert walls.facing(WallPoint(9.0, 0.0, 0.4)).normal_rad == 0.4
+
+
+def test_way_through_a_wall_is_not_in_sight() -> None:
+    walls = wall_map([(x / 10, 0.0) for x in range(30)])
+    assert not walls.in_sight(Pose2(1.0, 1.0, 0.0), Pose2(1.5, -1.0, 0.0))
+    assert walls.in_sight(Pose2(1.0, 1.0, 0.0), Pose2(2.5, 1.0, 0.0))
