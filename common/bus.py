@@ -5,10 +5,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import deque
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
+from common.codec import encode
+from common.frames import Frame, Losses
 from common.messages import Topic
 
 P = TypeVar("P")
@@ -32,6 +36,15 @@ class Bus(Protocol):
     def age_s(self, topic: Topic[Any]) -> float:
         """How long ago the newest message came; infinite when none did."""
 
+    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        """From now on `take_frames` gives every message of these topics, but what `known` says was heard before."""
+
+    def take_frames(self) -> list[Frame]:
+        """Every message of the tapped topics since the last call, in order and once per topic and boot id."""
+
+    def take_lost(self) -> Losses:
+        """How many of them could not be had since the last call."""
+
 
 def alive(bus: Bus, topic: Topic[Any]) -> bool:
     """The newest message is fresh for the topic's declared rate."""
@@ -51,18 +64,28 @@ class _Inbox:
 
 
 class LocalMesh:
-    """Joins the buses of nodes that run in one program; messages are passed as they are, in order."""
+    """Joins the buses of nodes that run in one program; messages are passed as they are, in order.
 
-    def __init__(self) -> None:
+    Boot ids follow from the seed, so that a recorded run repeats to the bit.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
         self._endpoints: list[LocalBus] = []
+        self._seed = seed
         self.now_s = 0.0
 
     def endpoint(self, name: str) -> LocalBus:
-        bus = LocalBus(self, name)
+        boot_id = int.from_bytes(hashlib.sha256(f"{self._seed}/{name}".encode()).digest()[:6])
+        bus = LocalBus(self, name, boot_id)
         self._endpoints.append(bus)
         return bus
 
-    def deliver(self, topic: Topic[Any], payload: Any) -> None:
+    def deliver(self, topic: Topic[Any], payload: Any, sequence: int, boot_id: int) -> None:
+        taps = [endpoint for endpoint in self._endpoints if topic.key in endpoint.tapped]
+        if taps:
+            frame = Frame(topic.key, boot_id, sequence, encode(payload, sequence, boot_id))
+            for endpoint in taps:
+                endpoint.frames.append(frame)
         for endpoint in self._endpoints:
             endpoint._receive(topic, payload)
 
@@ -70,14 +93,19 @@ class LocalMesh:
 class LocalBus:
     """One node's end of a `LocalMesh`. Queues begin with the first `take` of a topic: nothing is kept for nobody."""
 
-    def __init__(self, mesh: LocalMesh, name: str) -> None:
+    def __init__(self, mesh: LocalMesh, name: str, boot_id: int) -> None:
         self._mesh = mesh
         self.name = name
+        self.tapped: set[str] = set()
+        self.frames: list[Frame] = []
+        self._boot_id = boot_id
+        self._sequences: dict[str, int] = {}
         self._inboxes: dict[str, _Inbox] = {}
         self._queues: dict[str, deque[Any]] = {}
 
     def publish(self, topic: Topic[P], payload: P) -> None:
-        self._mesh.deliver(topic, payload)
+        sequence = self._sequences[topic.key] = self._sequences.get(topic.key, 0) + 1
+        self._mesh.deliver(topic, payload, sequence, self._boot_id)
 
     def latest(self, topic: Topic[P]) -> P | None:
         inbox = self._inboxes.get(topic.key)
@@ -97,6 +125,16 @@ class LocalBus:
     def age_s(self, topic: Topic[Any]) -> float:
         inbox = self._inboxes.get(topic.key)
         return self._mesh.now_s - inbox.arrived_s if inbox else float("inf")
+
+    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        self.tapped.update(topic.key for topic in topics)
+
+    def take_frames(self) -> list[Frame]:
+        frames, self.frames = self.frames, []
+        return frames
+
+    def take_lost(self) -> Losses:
+        return {}
 
     def _receive(self, topic: Topic[Any], payload: Any) -> None:
         inbox = self._inboxes.setdefault(topic.key, _Inbox())

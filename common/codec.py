@@ -8,18 +8,25 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from enum import Enum
 from typing import Any, Generic, TypeVar, get_origin, get_type_hints
 
 import msgpack
 import numpy as np
+import numpy.typing as npt
 
 from common.messages import NAME_OF_MODULE
 
 CODEC_VERSION = 1
 _ARRAY_EXT = 1
 _MAX_ARRAY_BYTES = 64_000_000
-_UNDECODABLE = (ValueError, TypeError, AttributeError, KeyError, ArithmeticError, SyntaxError, msgpack.UnpackException)
+_HEADER_BYTES = 32  # more than version, sequence and boot id can take
+_SEQUENCE_MAX = 2**53
+_UNDECODABLE = (
+    *(ValueError, TypeError, AttributeError, KeyError, ArithmeticError, SyntaxError, MemoryError, RecursionError),
+    msgpack.UnpackException,
+)
 
 P = TypeVar("P")
 
@@ -55,13 +62,15 @@ def _unpack_special(code: int, data: bytes) -> Any:
     return np.frombuffer(raw, dtype=np.dtype(dtype)).reshape(shape)
 
 
-_FIELDS: dict[type, dict[str, Any]] = {}
+Convert = Callable[[str, Any], Any]
+_FIELDS: dict[type, dict[str, Convert]] = {}
 
 
-def _fields(payload: type) -> dict[str, Any]:
+def _fields(payload: type) -> dict[str, Convert]:
+    """Name of every field -> what makes its value from MessagePack's."""
     if payload not in _FIELDS:
         hints = get_type_hints(payload)
-        _FIELDS[payload] = {f.name: hints[f.name] for f in dataclasses.fields(payload)}
+        _FIELDS[payload] = {f.name: _converter(hints[f.name]) for f in dataclasses.fields(payload)}
     return _FIELDS[payload]
 
 
@@ -75,22 +84,34 @@ def encode(payload: Any, sequence: int, boot_id: int) -> bytes:
     return packed
 
 
-def _convert(name: str, value: Any, hint: Any) -> Any:
+def _converter(hint: Any) -> Convert:
+    """Looked up once per field: every message of every process passes here."""
     origin = get_origin(hint)
     if origin is tuple:
-        if not isinstance(value, list):
-            raise DecodeError(f"field '{name}' is no list")
-        return tuple(value)
+        return _to_tuple
     if origin is np.ndarray:
-        if not isinstance(value, np.ndarray):
-            raise DecodeError(f"field '{name}' is no array")
-        return value
+        return _to_array
     if isinstance(hint, type) and issubclass(hint, Enum):
-        return hint(value)
-    if hint is float and isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
-        raise DecodeError(f"field '{name}' is a {type(value).__name__}, not a {hint.__name__}")
+        return lambda name, value: hint(value)
+    allowed = (int, float) if hint is float else (hint,)
+
+    def convert(name: str, value: Any) -> Any:
+        if type(value) not in allowed:
+            raise DecodeError(f"field '{name}' is a {type(value).__name__}, not a {hint.__name__}")
+        return float(value) if hint is float else value
+
+    return convert
+
+
+def _to_tuple(name: str, value: Any) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise DecodeError(f"field '{name}' is no list")
+    return tuple(value)
+
+
+def _to_array(name: str, value: Any) -> npt.NDArray[Any]:
+    if not isinstance(value, np.ndarray):
+        raise DecodeError(f"field '{name}' is no array")
     return value
 
 
@@ -101,13 +122,28 @@ def decode(data: bytes, payload: type[P]) -> Envelope[P]:
         version, sequence, boot_id, body = unpacked
         if version != CODEC_VERSION:
             raise DecodeError(f"message of codec version {version}, this program speaks {CODEC_VERSION}")
-        hints = _fields(payload)
-        values = {name: _convert(name, value, hints[name]) for name, value in body.items() if name in hints}
+        fields = _fields(payload)
+        values = {name: fields[name](name, value) for name, value in body.items() if name in fields}
         return Envelope(payload(**values), int(sequence), int(boot_id))
     except DecodeError:
         raise
     except _UNDECODABLE as error:
         raise DecodeError(f"not a {payload.__name__} message: {error}") from error
+
+
+def read_header(data: bytes) -> tuple[int, int]:
+    """Sequence number and boot id without a look at the rest, whatever its version; raises DecodeError."""
+    unpacker = msgpack.Unpacker()
+    unpacker.feed(data[:_HEADER_BYTES])
+    try:
+        count = unpacker.read_array_header()
+        _, sequence, boot_id = (unpacker.unpack() for _ in range(3))
+    except _UNDECODABLE as error:
+        raise DecodeError(f"no header of a message: {error}") from error
+    in_range = type(sequence) is int and type(boot_id) is int and 0 < sequence < _SEQUENCE_MAX and 0 <= boot_id < 2**63
+    if count != 4 or not in_range:
+        raise DecodeError("no header of a message")
+    return sequence, boot_id
 
 
 def _text_of(value: Any) -> str:

@@ -13,7 +13,14 @@ from math import degrees, radians
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-from common.constants import PLANNER_CLEARANCE_M, SONAR_BEARINGS_RAD, SONAR_COUNT, WHEEL_DIAMETER_M, WHEEL_TRACK_M
+from common.constants import (
+    CAMERA_FIELD_OF_VIEW_RAD,
+    PLANNER_CLEARANCE_M,
+    SONAR_BEARINGS_RAD,
+    SONAR_COUNT,
+    WHEEL_DIAMETER_M,
+    WHEEL_TRACK_M,
+)
 from common.errors import StartError
 from common.messages import STATUS
 
@@ -30,6 +37,7 @@ class RobotSection:
 @dataclass(frozen=True, slots=True)
 class MeshSection:
     router: str = "tcp/127.0.0.1:7447"  # where comm listens and every other process connects
+    laptop_router: str = "tcp/127.0.0.1:7448"  # where the recorder listens, the laptop's own router
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +69,33 @@ class SonarsSection:
 class CommSection:
     required: tuple[str, ...] = ("bridge", "mmu", "planner")  # on-robot modules without which nothing moves
     stop_when_offboard_missing: bool = False
+    outbox_limit_mb: int = 512  # what waits for the recorder on the robot's disk; above it status and log thin out
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerSection:
     clearance_m: float = PLANNER_CLEARANCE_M  # kept between hull and wall
+
+
+@dataclass(frozen=True, slots=True)
+class VisualizerSection:
+    host: str = "127.0.0.1"  # where the page is served; "0.0.0.0" shows it to the whole network
+    port: int = 8080  # 0: any free one
+
+
+@dataclass(frozen=True, slots=True)
+class PoiSection:
+    """The camera, and what signs look like at this site."""
+
+    source: str = "picamera"  # or /dev/video0, a number, a photo or folder of photos, unix:PATH
+    field_of_view_deg: float = round(degrees(CAMERA_FIELD_OF_VIEW_RAD), 6)  # from side to side
+    number_pattern: str = "[0-9]{3,4}[A-Z]?"  # a whole room number: capitals, without spaces and dashes
+    room_types: tuple[str, ...] = (
+        "Office", "Meeting Room", "Conference Room", "Laboratory", "Lab", "Classroom", "Lecture Room", "Seminar Room",
+        "Washroom", "Restroom", "Toilet", "WC", "Storage", "Kitchen", "Library", "Reception", "Server Room",
+        "Copy Room", "Printer Room", "Mail Room", "Lounge", "Workshop", "Studio", "Staff Room", "Utility", "Stairs",
+    )  # fmt: skip
+    door_colours: tuple[str, ...] = ()  # from `calibrate doors`; without, a door is what stands out from the wall
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +107,14 @@ class Config:
     sonars: SonarsSection = field(default_factory=SonarsSection)
     comm: CommSection = field(default_factory=CommSection)
     planner: PlannerSection = field(default_factory=PlannerSection)
+    visualizer: VisualizerSection = field(default_factory=VisualizerSection)
+    poi: PoiSection = field(default_factory=PoiSection)
+
+
+def with_camera(config: Config) -> Config:
+    """The configuration of a robot that has a camera: without the POI module nothing moves either."""
+    required = tuple(dict.fromkeys((*config.comm.required, "poi")))
+    return dataclasses.replace(config, comm=dataclasses.replace(config.comm, required=required))
 
 
 _NAMES = {str: "text in quotes", int: "a whole number", float: "a number", bool: "true or false"}
@@ -117,6 +155,11 @@ def _check(config: Config, file: str) -> None:
     for key, length_m in (("diameter_m", config.wheels.diameter_m), ("track_m", config.wheels.track_m)):
         if not 0.01 < length_m < 2.0:
             raise ConfigError(f"{file}: wheels.{key} must be between 0.01 and 2 metres, not {length_m}.")
+    if not 0 <= config.visualizer.port <= 65535:
+        raise ConfigError(f"{file}: visualizer.port must be between 0 and 65535, not {config.visualizer.port}.")
+    view_deg = config.poi.field_of_view_deg
+    if not 10.0 < view_deg < 170.0:
+        raise ConfigError(f"{file}: poi.field_of_view_deg must be between 10 and 170, not {view_deg}.")
     count = len(config.sonars.bearings_deg)
     if count != SONAR_COUNT:
         raise ConfigError(f"{file}: sonars.bearings_deg must hold {SONAR_COUNT} angles, not {count}.")

@@ -38,6 +38,7 @@ class Stance(Enum):
     COMMAND = "real-time priority, repeated until acknowledged: it must arrive, and soon"
     EVENT = "reliable and in order, through the outbox: nothing may be lost"
     STATE = "a snapshot, answered to a query too: who joins late or missed some must be able to catch up"
+    BULK = "lowest priority, a piece at a time, sent again until acknowledged: what is stored must not delay what lives"
 
 
 class Speed(IntEnum):
@@ -194,6 +195,7 @@ class PlannerView:
     area_m2: float
     finished: bool
     valid: bool = True
+    command_id: int = 0  # of the newest OperatorCommand that was taken
 
 
 class PoiCommand(Enum):
@@ -271,6 +273,7 @@ class OperatorCommand:
     x_m: float = 0.0
     y_m: float = 0.0
     valid: bool = True
+    command_id: int = 0  # repeated with the same one until PlannerView acknowledges it; 0 = wants no answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,6 +325,31 @@ class ClockAck:
     valid: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class OutboxPiece:
+    """A part of the rows of comm's outbox from row `number` on: bytes `offset`.. of `total_bytes`."""
+
+    t_s: float
+    outbox_id: int
+    number: int
+    offset: int
+    total_bytes: int
+    data: bytes
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class OutboxReceipt:
+    """All rows before `number` are in the run database; of those sent from there on it holds `offset` bytes so far."""
+
+    t_s: float
+    outbox_id: int
+    number: int
+    offset: int = 0
+    total_bytes: int = 0
+    valid: bool = True
+
+
 P = TypeVar("P")
 
 
@@ -340,6 +368,11 @@ class Topic(Generic[P]):
     @property
     def producer(self) -> str:
         return self.key.split("/")[0]
+
+    @property
+    def recorded(self) -> bool:
+        """Every message of it belongs into the run database."""
+        return "recorder" in self.consumers and self.stance is not Stance.BULK
 
 
 _TOPICS: dict[str, Topic[object]] = {}
@@ -361,10 +394,19 @@ def _topic(
 
 OFFBOARD = "recorder visualizer command_center"
 
-ODOMETRY = _topic("bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu recorder", "lfc_sim_mmu")
+ODOMETRY = _topic(
+    "bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu recorder command_center", "lfc_sim_mmu"
+)
 RANGES = _topic("bridge/ranges", Ranges, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner poi recorder", "lfc_sim_mmu")
 DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, Stance.LATEST, "planner recorder", "lfc_sim_pln")
-CARRIER = _topic("bridge/carrier", CarrierReport, SENSOR_RATE_HZ, Stance.LATEST, "planner comm recorder", "lfc_pln_car")
+CARRIER = _topic(
+    "bridge/carrier",
+    CarrierReport,
+    SENSOR_RATE_HZ,
+    Stance.LATEST,
+    "planner comm recorder command_center",
+    "lfc_pln_car",
+)
 DRIVE = _topic("planner/drive", DriveCommand, SENSOR_RATE_HZ, Stance.COMMAND, "bridge recorder", "lfc_pln_car")
 POSE = _topic(
     "mmu/pose",
@@ -379,7 +421,7 @@ MAP = _topic(
     MapUpdate,
     MAP_RATE_MAX_HZ,
     Stance.STATE,
-    f"planner {OFFBOARD}",
+    f"planner poi {OFFBOARD}",
     "lfc_mmu_pln lfc_mmu_cm lfc_cm_vsl",
     "on change",
 )
@@ -392,9 +434,13 @@ TRAJECTORY = _topic(
 PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, Stance.STATE, OFFBOARD, note="for people")
 RETAKE = _topic("poi/request", PoiRequest, 0.0, Stance.COMMAND, "planner recorder", "lfc_poi_pln")
 POI = _topic("poi/record", PointOfInterest, 0.0, Stance.EVENT, OFFBOARD, "lfc_poi_cm lfc_cm_vsl")
-PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner {OFFBOARD}")
+PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner poi {OFFBOARD}")
 STOP = _topic("command_center/stop", StopRequest, 0.0, Stance.COMMAND, "bridge comm recorder", "lfc_cm_cc")
 OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, Stance.COMMAND, "planner recorder")
+OUTBOX = _topic(
+    "comm/outbox", OutboxPiece, 0.0, Stance.BULK, "recorder", note="what the robot has for the run database"
+)
+RECEIPT = _topic("recorder/receipt", OutboxReceipt, 0.0, Stance.LATEST, "comm", note="on progress, else every second")
 CLOCK = _topic("clock/time", ClockTick, 0.0, Stance.COMMAND, "", note="only under `local --speed`")
 CLOCK_ACK = _topic("clock/ack", ClockAck, 0.0, Stance.COMMAND, "", note="only under `local --speed`")
 
@@ -402,9 +448,7 @@ STATUS: dict[str, Topic[Status]] = {}
 LOG: dict[str, Topic[LogLine]] = {}
 for _module in ("sim", "car", "bridge", "mmu", "planner", "poi", "comm", "recorder", "visualizer", "command_center"):
     _flows = "lfc_cm_cc lfc_vsl_cc" if _module == "visualizer" else "lfc_cm_cc"
-    STATUS[_module] = _topic(
-        f"{_module}/status", Status, STATUS_RATE_HZ, Stance.LATEST, "comm recorder command_center", _flows
-    )
+    STATUS[_module] = _topic(f"{_module}/status", Status, STATUS_RATE_HZ, Stance.LATEST, f"comm {OFFBOARD}", _flows)
     LOG[_module] = _topic(f"{_module}/log", LogLine, 0.0, Stance.EVENT, "recorder command_center", _flows)
 
 TOPICS: tuple[Topic[object], ...] = tuple(_TOPICS.values())
@@ -413,6 +457,9 @@ TOPICS: tuple[Topic[object], ...] = tuple(_TOPICS.values())
 INTERNAL_FLOWS: dict[str, str] = {"lfc_sim_car": "program memory of the Arduino: SIM and Carrier share one program"}
 
 ON_ROBOT = ("bridge", "mmu", "planner", "comm", "poi")
+ROBOT_SENDERS = ("sim", "car", *ON_ROBOT)  # SIM and Carrier speak through the bridge
+ROBOT_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer in ROBOT_SENDERS)  # through the outbox
+LAPTOP_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer not in ROBOT_SENDERS)
 
 
 def topic_table() -> str:

@@ -17,6 +17,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -34,6 +35,7 @@ _PR_SET_PDEATHSIG = 1
 _CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skips steps instead of making them up
 _LOG_FILE_BYTES = 2_000_000
 _STEPS_KEPT = 50_000  # of the newest steps, for the percentile
+_LOOP_END_S = 2.0
 STEPS_SUFFIX = ".steps.json"
 
 
@@ -49,6 +51,9 @@ class Node(Protocol):
 
 
 Factory = Callable[[Config, argparse.Namespace], Node]
+# What has the main thread while the node's loop runs beside it (a terminal UI); returns the exit code. It must return
+# soon after the event is set: somebody wants the process to end, or the node's loop has failed.
+Foreground = Callable[[Node, Bus, threading.Event], int]
 
 
 class BusLogHandler(logging.Handler):
@@ -109,8 +114,9 @@ def run(
     parser: argparse.ArgumentParser | None = None,
     mode: Mode = "peer",
     leads_clock: bool = False,
+    foreground: Foreground | None = None,
 ) -> int:
-    """Runs one node until SIGTERM, SIGINT or an error; returns the exit code."""
+    """Runs one node until SIGTERM, SIGINT, an error or the end of its foreground; returns the exit code."""
     arguments = (parser or argument_parser(name)).parse_args(argv)
     if arguments.parent is not None:
         _end_with(arguments.parent)
@@ -123,14 +129,19 @@ def run(
     code, clean = 0, True
     steps = StepTimer()
     try:
-        bus_log = _set_up_log(name, arguments.log_dir)
+        # A foreground has the terminal: not a line beside it
+        bus_log = _set_up_log(name, arguments.log_dir, to_terminal=foreground is None)
         config = load_config(arguments.config)
         node = factory(config, arguments)
         clock = _make_clock(arguments, leads_clock)
         bus = ZenohBus(name, config, clock, mode)
         _join_clock(clock, bus, name)
         log.info("started pid=%d config=%s", os.getpid(), arguments.config)
-        _loop(node, bus, clock, stop, bus_log, steps)
+        loop = partial(_loop, node, bus, clock, stop, bus_log, steps)
+        if foreground is None:
+            loop()
+        else:
+            code = _run_beside(loop, partial(foreground, node, bus, stop), stop)
         log.info("ended")
     except Exception as error:
         code = 2 if bus is None and isinstance(error, (StartError, OSError)) else 1
@@ -150,6 +161,30 @@ def run(
         # Zenoh still waits for a frozen neighbour; its threads must not meet an interpreter that is being taken down
         logging.shutdown()
         os._exit(code)
+    return code
+
+
+def _run_beside(loop: Callable[[], None], foreground: Callable[[], int], stop: threading.Event) -> int:
+    """The loop in a thread, the foreground here; what the loop dies of is raised here."""
+    failures: list[Exception] = []
+
+    def guarded() -> None:
+        try:
+            loop()
+        except Exception as error:
+            failures.append(error)
+        finally:
+            stop.set()
+
+    thread = threading.Thread(target=guarded, name="node", daemon=True)
+    thread.start()
+    try:
+        code = foreground()
+    finally:
+        stop.set()
+        thread.join(_LOOP_END_S)
+    if failures:
+        raise failures[0]
     return code
 
 
@@ -214,10 +249,11 @@ def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
     bus.listen(CLOCK_ACK, heard)
 
 
-def _set_up_log(name: str, folder: Path | None) -> BusLogHandler:
+def _set_up_log(name: str, folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
     """Everything from INFO on into the file (or to stderr without a folder) and to the bus; Zenoh's own errors too."""
-    zenoh.init_log_from_env_or("error")
-    handler: logging.Handler = logging.StreamHandler()
+    if to_terminal:
+        zenoh.init_log_from_env_or("error")
+    handler: logging.Handler = logging.StreamHandler() if to_terminal else logging.NullHandler()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         handler = logging.handlers.RotatingFileHandler(folder / f"{name}.log", maxBytes=_LOG_FILE_BYTES, backupCount=2)

@@ -7,6 +7,8 @@ of its own: priorities cannot overtake bytes that already sit in a TCP buffer.
 
 STATE topics: the publisher answers a query with everything since its newest full snapshot; a subscriber asks when it
 joins, when the publisher appears, and when a sequence number is missing, and keeps what comes live until the answer.
+Recorded topics answer the same query with a question in it (`frames.question`) from their newest messages, so that who
+records them misses nothing while it is restarted.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import secrets
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
@@ -30,6 +32,7 @@ from common.clock import FREE_LEASE_S, Announcements, Clock
 from common.codec import DecodeError, Envelope, decode, encode
 from common.config import Config
 from common.errors import StartError
+from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, RecentMessages, Tap, asked_after
 from common.messages import STOP, Stance, Topic
 
 P = TypeVar("P")
@@ -41,6 +44,8 @@ _QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all th
 _KNOWN_BOOTS = 16
 _CLOSE_TIMEOUT_S = 1.0
 
+LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
+
 _log = logging.getLogger(__name__)
 
 _PRIORITY = {
@@ -48,6 +53,7 @@ _PRIORITY = {
     Stance.LATEST: zenoh.Priority.DATA_HIGH,
     Stance.EVENT: zenoh.Priority.DATA,
     Stance.STATE: zenoh.Priority.DATA_LOW,
+    Stance.BULK: zenoh.Priority.BACKGROUND,
 }
 # Only what must not be lost may make its sender wait, and then no longer than the lease
 _CONGESTION = {
@@ -56,12 +62,16 @@ _CONGESTION = {
 }
 
 
-def session_config(mode: Mode, router: str, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
-    """What every session of the loopback mesh shares. Multicast and shared memory fail in containers, hence neither."""
+def session_config(mode: Mode, router: str, lease_s: float = FREE_LEASE_S, beyond: str | None = None) -> zenoh.Config:
+    """What every session of the loopback mesh shares. Multicast and shared memory fail in containers, hence neither.
+
+    `router` is where a router listens and the others connect; `beyond` another router that this one connects to.
+    """
+    connect = ([beyond] if beyond else []) if mode == "router" else [router]
     values: dict[str, Any] = {
         "mode": mode,
         "listen/endpoints": {"router": [router], "peer": ["tcp/127.0.0.1:0"], "client": []}[mode],
-        "connect/endpoints": [] if mode == "router" else [router],
+        "connect/endpoints": connect,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
@@ -79,9 +89,9 @@ def session_config(mode: Mode, router: str, lease_s: float = FREE_LEASE_S) -> ze
     return config
 
 
-def _open(mode: Mode, router: str, lease_s: float) -> zenoh.Session:
+def _open(mode: Mode, router: str, lease_s: float, beyond: str | None = None) -> zenoh.Session:
     try:
-        return zenoh.open(session_config(mode, router, lease_s))
+        return zenoh.open(session_config(mode, router, lease_s, beyond))
     except zenoh.ZError as error:
         if mode == "router":
             hint = "another mesh uses it; stop that one, or give this one another [mesh] router in robot.toml"
@@ -114,6 +124,7 @@ class _Outbox:
     sequence: int = 0
     lock: threading.Lock = field(default_factory=threading.Lock)
     history: list[bytes] = field(default_factory=list)  # STATE: everything since the newest full snapshot
+    recent: RecentMessages = field(default_factory=RecentMessages)  # of a recorded topic
     queryable: Any = None
 
 
@@ -132,9 +143,15 @@ class ZenohBus:
         self._inboxes: dict[str, _Inbox] = {}
         self._outboxes: dict[str, _Outbox] = {}
         self._tokens: set[str] = set()
+        self._tap: Tap | None = None
+        self._tap_subscribers: list[Any] = []
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
-        self._session = _open(mode, config.mesh.router, clock.lease_s)
+        mesh = config.mesh
+        if mode == "router" and name == LAPTOP_ROUTER:
+            self._session = _open(mode, mesh.laptop_router, clock.lease_s, beyond=mesh.router)
+        else:
+            self._session = _open(mode, mesh.router, clock.lease_s)
         self._stop_session = self._session
         self._token: Any = None
         try:
@@ -169,12 +186,19 @@ class ZenohBus:
         """The modules whose Zenoh runtime lives; that says nothing yet about their own loop."""
         return frozenset(self._tokens.copy())
 
+    def published(self) -> dict[tuple[str, int], int]:
+        """What went out so far: topic and boot id -> newest sequence number."""
+        return {(key, self._boot_id): outbox.sequence for key, outbox in self._outboxes.copy().items()}
+
     def publish(self, topic: Topic[P], payload: P) -> None:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:
             outbox = self._outboxes[topic.key] = self._declare(topic)
         outbox.sequence += 1
         data = encode(payload, outbox.sequence, self._boot_id)
+        if topic.recorded:
+            with outbox.lock:
+                outbox.recent.append(outbox.sequence, data)
         if topic.stance is Stance.STATE:
             with outbox.lock:
                 # An increment (`MapUpdate.start` > 0) is worth nothing without what it goes on from
@@ -236,6 +260,46 @@ class ZenohBus:
         subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(receive))
         self._inboxes[topic.key] = _Inbox(topic, deque(maxlen=1), subscriber=subscriber)
 
+    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        """From now on `take_frames` gives every message of these topics; to be called once."""
+        by_key = {topic.key: topic for topic in topics}
+        on_event = [key for key, t in by_key.items() if t.stance is Stance.STATE or not t.rate_hz]
+        tap = self._tap = Tap(by_key, on_event, known, lambda key, asked: self._ask_producer(by_key[key], asked))
+
+        def subscribe(topic: Topic[Any]) -> Any:
+            def store(sample: zenoh.Sample) -> None:
+                if len(sample.payload) > MESSAGE_BYTES_MAX:
+                    tap.count_bad(topic.key, f"{len(sample.payload)} bytes are too many")
+                else:
+                    tap.store(topic.key, bytes(sample.payload))
+
+            return self._session_for(topic).declare_subscriber(self._key(topic), _direct(store))
+
+        self._tap_subscribers = [subscribe(topic) for topic in by_key.values()]
+
+    def take_frames(self) -> list[Frame]:
+        return self._tap.frames() if self._tap is not None else []
+
+    def take_lost(self) -> Losses:
+        return self._tap.take_lost() if self._tap is not None else {}
+
+    def _ask_producer(self, topic: Topic[Any], asked: bytes) -> None:
+        tap = self._tap
+        assert tap is not None
+
+        def store(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                tap.answer(topic.key, bytes(reply.ok.payload))
+
+        self._session.get(
+            self._key(topic),
+            zenoh.handlers.Callback(store, indirect=False),
+            payload=asked,
+            timeout=_QUERY_TIMEOUT_S,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            target=zenoh.QueryTarget.ALL,
+        )
+
     # Sending
 
     def _key(self, topic: Topic[Any]) -> str:
@@ -249,11 +313,16 @@ class ZenohBus:
             self._key(topic), priority=_PRIORITY[topic.stance], congestion_control=_CONGESTION[topic.stance]
         )
         outbox = _Outbox(publisher)
-        if topic.stance is Stance.STATE:
+        if topic.recorded or topic.stance is Stance.STATE:
 
             def answer(query: zenoh.Query) -> None:
+                asked = query.payload
                 with outbox.lock:
-                    pack = msgpack.packb(outbox.history)
+                    if asked is None:
+                        messages = outbox.history
+                    else:
+                        messages = outbox.recent.after(asked_after(bytes(asked), self._boot_id))
+                    pack = msgpack.packb(messages)
                 query.reply(self._key(topic), pack)
 
             outbox.queryable = self._session.declare_queryable(self._key(topic), _direct(answer))
@@ -267,6 +336,8 @@ class ZenohBus:
             self._tokens.discard(module)
             return
         self._tokens.add(module)
+        if self._tap is not None:
+            self._tap.ask_all()
         for inbox in list(self._inboxes.values()):
             if inbox.topic.stance is Stance.STATE and inbox.topic.producer == module:
                 inbox.query_due = True
@@ -277,6 +348,9 @@ class ZenohBus:
         inbox.query_due = topic.stance is Stance.STATE
 
         def store(sample: zenoh.Sample) -> None:
+            if len(sample.payload) > MESSAGE_BYTES_MAX:
+                self._count_error(topic, ValueError(f"{len(sample.payload)} bytes are too many"))
+                return
             arrival = (self._clock.now_s(), bytes(sample.payload))
             with inbox.lock:
                 inbox.pending.append(arrival)

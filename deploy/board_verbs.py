@@ -45,14 +45,24 @@ def add_verbs(verbs: Any) -> None:
     check.set_defaults(run=_with_board(check_sensors))
     drive = verbs.add_parser("drive", help="drive by the keys w W x a d, space stops, q ends")
     drive.set_defaults(run=_with_board(_drive_by_keyboard))
-    calibrate = verbs.add_parser("calibrate", help="measure this very robot")
-    calibrate.add_argument("what", choices=("wheels", "gyro"))
-    calibrate.add_argument("--side", type=float, default=2.0, help="of the square, metres (2)")
-    calibrate.add_argument("--rounds", type=int, default=2, help="squares in each direction (2)")
-    calibrate.set_defaults(run=_with_board(_calibrate))
-    for parser in (check, drive, calibrate):
-        parser.add_argument("--config", type=Path, help="robot.toml")
-        parser.add_argument("--port", help="serial port, instead of the one in robot.toml")
+    for parser in (check, drive):
+        _add_board_arguments(parser)
+
+
+def add_calibrations(things: Any) -> None:
+    wheels = things.add_parser("wheels", help="diameter and track, by a line and squares in both directions")
+    wheels.add_argument("--side", type=float, default=2.0, help="of the square, metres (2)")
+    wheels.add_argument("--rounds", type=int, default=2, help="squares in each direction (2)")
+    wheels.set_defaults(run=_with_board(_calibrate_wheels))
+    gyro = things.add_parser("gyro", help="its scale, by turns on the spot")
+    gyro.set_defaults(run=_with_board(lambda session, _, ask, tell: calibrate_gyro(session, ask, tell)))
+    for parser in (wheels, gyro):
+        _add_board_arguments(parser)
+
+
+def _add_board_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--config", type=Path, help="robot.toml")
+    parser.add_argument("--port", help="serial port, instead of the one in robot.toml")
 
 
 def _with_board(action: Callable[[BoardSession, argparse.Namespace, Ask, Tell], int]) -> Any:
@@ -200,9 +210,7 @@ def _drive_by_keyboard(session: BoardSession, _: argparse.Namespace, __: Ask, te
 # --- calibrate
 
 
-def _calibrate(session: BoardSession, arguments: argparse.Namespace, ask: Ask, tell: Tell) -> int:
-    if arguments.what == "gyro":
-        return calibrate_gyro(session, ask, tell)
+def _calibrate_wheels(session: BoardSession, arguments: argparse.Namespace, ask: Ask, tell: Tell) -> int:
     fit = calibrate_wheels(session, arguments.side, arguments.rounds, ask, tell)
     tell(
         f"wheels {fit.diameter_m * 1000:.2f} mm (right over left {fit.ratio:.4f}), track {fit.track_m * 1000:.1f} mm; "

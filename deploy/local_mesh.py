@@ -12,6 +12,7 @@ import logging
 import signal
 import socket
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, config_text
+from common.config import BridgeSection, Config, MeshSection, PoiSection, VisualizerSection, config_text, with_camera
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, PlannerView
@@ -28,12 +29,14 @@ from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
 from deploy.process_table import PROCESSES, ProcessSpec
 from deploy.supervisor import ProcessFailed, Supervisor
+from deploy.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
 
 SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0
 RECORDER_TIMEOUT_S = 30.0
+RECORDED_TIMEOUT_S = 10.0
 _POLL_S = 0.1
 _START_POLL_S = 0.02
 _PROGRESS_PERIOD_S = 5.0
@@ -47,22 +50,20 @@ class Interrupted(Exception):
     """Somebody wants the mesh to end before the mission does."""
 
 
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+def free_port(usual: int | None = None) -> int:
+    """The usual port of the loopback interface where it is free, else any that is."""
+    for port in (0,) if usual is None else (usual, 0):
+        with socket.socket() as probe, suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
+            found: int = probe.getsockname()[1]
+            return found
+    raise StartError("The loopback interface has no free port: end some programs, then start again.")
 
 
-def usual_endpoint() -> str:
-    """The router's usual address where it is free, so that `estop` and the others need no configuration; else any."""
-    usual = MeshSection().router
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", int(usual.rsplit(":", 1)[1])))
-        except OSError:
-            return free_endpoint()
-    return usual
+def usual_port() -> int:
+    """Of the router: so that `estop` and the others need no configuration."""
+    return int(MeshSection().router.rsplit(":", 1)[1])
 
 
 def run_local(options: RunOptions) -> int:
@@ -72,14 +73,16 @@ def run_local(options: RunOptions) -> int:
         raise StartError("The simulator needs MuJoCo: run ./deploy/local.sh --setup-only once.")
     folder = prepare_folder(options).resolve()
     (folder / "process").mkdir(exist_ok=True)
-    _set_up_log(folder / "process" / "local.log")
+    console = _set_up_log(folder / "process" / "local.log")
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    mesh = LocalRun(options, folder, stop)
+    mesh = LocalRun(options, folder, stop, console)
     try:
         return mesh.run()
     except Interrupted:
+        if mesh.finished:
+            return 0
         print("Ended before the mission was finished.", file=sys.stderr)
         return 130
     except ProcessFailed as failure:
@@ -89,30 +92,40 @@ def run_local(options: RunOptions) -> int:
         mesh.close()
 
 
-def _set_up_log(file: Path) -> None:
+def _set_up_log(file: Path) -> logging.Handler:
+    """All into the file, warnings to the terminal too, by the handler that is returned."""
     console = logging.StreamHandler()
     console.setLevel(logging.WARNING)
     logging.basicConfig(
         level=logging.INFO, format="%(levelname)s %(name)s %(message)s", handlers=[logging.FileHandler(file), console]
     )
+    return console
 
 
 class LocalRun:
     """One run of the mesh. `run` once, then `close`."""
 
-    def __init__(self, options: RunOptions, folder: Path, stop: threading.Event) -> None:
+    def __init__(self, options: RunOptions, folder: Path, stop: threading.Event, console: logging.Handler) -> None:
         self._options = options
         self._folder = folder
         self._stop = stop
         self._work = folder / "process"
         self._serial = self._work / "serial"
+        # A socket's path must be short, which a run folder's need not be
+        self._socket_folder = tempfile.TemporaryDirectory(prefix="indoor-mapping-")
+        self._frames = Path(self._socket_folder.name) / "frames"
         for left_over in (self._serial, self._work / "stop_latch.json", *self._work.glob(f"*{STEPS_SUFFIX}")):
             left_over.unlink(missing_ok=True)
-        endpoint = free_endpoint() if options.headless else usual_endpoint()
+        # Headless runs go side by side, and between looking for a free port and taking it another could take it
+        router, page = (None, None) if options.headless else (usual_port(), VisualizerSection().port)
         self._config = Config(
-            mesh=MeshSection(router=endpoint),
+            mesh=MeshSection(f"tcp/127.0.0.1:{free_port(router)}", f"tcp/127.0.0.1:{free_port()}"),
             bridge=BridgeSection(serial_port=str(self._serial)),
+            visualizer=VisualizerSection(port=free_port(page)),
+            poi=PoiSection(source=f"unix:{self._frames}"),
         )
+        if options.camera != "off":
+            self._config = with_camera(self._config)
         self._config_file = self._work / "robot.toml"
         self._config_file.write_text(config_text(self._config), encoding="utf-8")
         self._supervisor = Supervisor(self._work)
@@ -120,17 +133,25 @@ class LocalRun:
         self._started_wall_s = time.monotonic()
         self._began_s: float | None = None  # on the mission's clock
         self._person_halted = False  # stopped or paused, and nobody has said since that the robot may go on
+        self.finished = False  # the mission, as the Planner said last
+        self._console = console
+        self._screen: TerminalUi | None = None
+        self._ends_when_finished = True
 
     def run(self) -> int:
         print(f"Starting the robot on the floor {self._options.floor.stem}; run folder {self._folder}", flush=True)
         self._start_processes()
-        self._bus = bus = ZenohBus("command_center", self._config, FreeClock())
+        # Under a name of its own: the token of the command center is the Command Center's
+        self._bus = bus = ZenohBus("local", self._config, FreeClock())
         bus.latest(PLAN)
         self._await_ready(bus)
         self._supervisor.settled = True
-        print("All modules are ready.", flush=True)
+        page = self._config.visualizer
+        print(f"All modules are ready. The live map: http://{page.host}:{page.port}/", flush=True)
         if self._options.headless:
             self._start_mission(bus)
+        elif has_terminal():
+            self._open_screen()
         else:
             print(f"Start the mission with: indoor-mapping start --config {self._config_file}", flush=True)
         try:
@@ -138,6 +159,7 @@ class LocalRun:
         finally:
             # What was mapped until a person, or a fault, ended the run is worth its summary too
             view = bus.latest(PLAN)
+            self._close_screen()
             self._end_in_order()
             if view is not None and self._began_s is not None:
                 self._summarise(view)
@@ -145,30 +167,36 @@ class LocalRun:
 
     def close(self) -> None:
         """Ends every process that was started."""
+        self._close_screen()
         if self._bus is not None:
             self._bus.close()
         self._supervisor.end("recorder", RECORDER_TIMEOUT_S)
         self._supervisor.end_all(END_TIMEOUT_S)
+        self._socket_folder.cleanup()
 
     def _start_processes(self) -> None:
         """All at once, but for the bridge: a port that is not there yet would cost it a whole second."""
-        *others, bridge = sorted((s for s in PROCESSES if s.local), key=lambda s: s.name == "bridge")
+        *others, bridge = sorted(self._processes(), key=lambda s: s.name == "bridge")
         for spec in others:
             self._supervisor.start(spec.name, spec.module, self._arguments(spec), restart=spec.name != "simulator")
         self._until(self._serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
         self._supervisor.start(bridge.name, bridge.module, self._arguments(bridge))
+
+    def _processes(self) -> list[ProcessSpec]:
+        """Those of the local mesh; the POI module only where there is something to look at."""
+        return [s for s in PROCESSES if s.local and (s.name != "poi" or self._options.camera != "off")]
 
     def _arguments(self, spec: ProcessSpec) -> list[str]:
         options = self._options
         arguments = ["--config", str(self._config_file), "--log-dir", str(self._work)]
         if options.speed != 1.0:
             arguments += ["--clock", "shared"]
-        if spec.name == "recorder":
+        if spec.name in ("recorder", "visualizer"):
             arguments += ["--run-dir", str(self._folder)]
         if spec.name == "simulator":
             arguments += ["--floor", str(options.floor.resolve()), "--start", str(options.start)]
             arguments += ["--seed", str(options.seed), "--errors", options.errors, "--speed", str(options.speed)]
-            arguments += ["--camera", options.camera]
+            arguments += ["--camera", options.camera, "--frames", str(self._frames)]
             arguments += ["--run-dir", str(self._folder)]
             if options.events is not None:
                 arguments += ["--events", str(options.events.resolve())]
@@ -212,20 +240,48 @@ class LocalRun:
         self._until(started, STARTUP_GRACE_S, lambda: "The planner did not take the start command.")
         print("The mission has started.", flush=True)
 
+    def _open_screen(self) -> None:
+        """From here on the terminal is the Command Center's; the mesh ends when a person says so."""
+        self._ends_when_finished = False
+        self._console.setLevel(logging.CRITICAL + 1)
+        arguments = ["--config", str(self._config_file), "--log-dir", str(self._work), "--run-dir", str(self._folder)]
+        self._screen = TerminalUi(arguments)
+
+    def _close_screen(self) -> None:
+        if self._screen is not None:
+            self._screen.close()
+            self._screen = None
+            self._console.setLevel(logging.WARNING)
+
+    def _look_after_screen(self) -> None:
+        """Raises Interrupted when a person has left it with the mesh."""
+        left = self._screen.left() if self._screen is not None else None
+        if left is None:
+            return
+        self._close_screen()
+        if left is Left.END:
+            raise Interrupted
+        why = "" if left is Left.KEEP else f"The Command Center ended by itself; its log is in {self._work}. "
+        reopen = f"indoor-mapping command-center --config {self._config_file}"
+        print(f"{why}The mesh goes on; Ctrl-C ends it. To look at it again: {reopen}", flush=True)
+
     def _await_finish(self, bus: ZenohBus) -> None:
         next_s = time.monotonic() + _PROGRESS_PERIOD_S
         while True:
             self._supervisor.check()
+            self._look_after_screen()
             view = bus.latest(PLAN)
             if view is not None:
                 if self._began_s is None and view.mode != _WAITING:
                     self._began_s = view.t_s
                 if self._options.headless:
                     self._start_again(bus, view)
-                if view.finished:
+                self.finished = view.finished
+                if self.finished and self._ends_when_finished:
                     print("The mission is finished.", flush=True)
+                    self._await_recorded(bus)
                     return
-                if time.monotonic() >= next_s and self._began_s is not None:
+                if time.monotonic() >= next_s and self._began_s is not None and self._screen is None:
                     next_s = time.monotonic() + _PROGRESS_PERIOD_S
                     self._print_progress(bus, view, view.t_s - self._began_s)
             if self._stop.wait(_POLL_S):
@@ -249,6 +305,18 @@ class LocalRun:
             f"{mission_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, {view.detail}{standing}",
             flush=True,
         )
+
+    def _await_recorded(self, bus: ZenohBus) -> None:
+        """The end of the mission must be in the database; a recorder that cannot is not waited for long."""
+
+        def recorded() -> bool:
+            status = bus.latest(STATUS["recorder"])
+            return status is not None and status.state == "finished"
+
+        try:
+            self._until(recorded, RECORDED_TIMEOUT_S, lambda: "The recorder did not get the end of the mission.")
+        except ProcessFailed as failure:
+            _log.warning("%s", failure)
 
     def _end_in_order(self) -> None:
         """The recorder first: it writes what it holds. Then the simulator, for the true path."""

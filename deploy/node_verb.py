@@ -1,4 +1,4 @@
-"""Verb `node NAME`: one process, as the boards run it. It takes the place of this one."""
+"""Verbs `node NAME` and `command-center`: one process, as boards and laptop run it. It takes the place of this one."""
 
 from __future__ import annotations
 
@@ -15,10 +15,24 @@ from deploy.process_table import BY_NAME
 
 
 def add_verbs(verbs: Any) -> None:
-    node = verbs.add_parser("node", help="one process of the mesh", add_help=False)
+    node = verbs.add_parser("node", help="one process of the mesh")
     node.add_argument("name", metavar="NAME", help=", ".join(BY_NAME))
+    # Whatever follows NAME belongs to the process, --help as well
     node.add_argument("arguments", nargs=argparse.REMAINDER, help="--config FILE, --log-dir DIR and the process's own")
     node.set_defaults(run=_node)
+    center = verbs.add_parser("command-center", help="the terminal UI of a mesh that runs: status, log, stop, commands")
+    center.add_argument("--config", type=Path, help="robot.toml of the mesh")
+    center.add_argument("--log-dir", type=Path, help="folder for its own log and exported ones")
+    center.add_argument("--run-dir", type=Path, help="run folder whose doors are known already; found by --config")
+    center.set_defaults(run=_command_center)
+
+
+def _command_center(arguments: argparse.Namespace) -> int:
+    given = {"--config": arguments.config, "--log-dir": arguments.log_dir, "--run-dir": arguments.run_dir}
+    # A mistake in the file is one sentence before the screen is taken
+    load_config(arguments.config)
+    words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
+    os.execv(sys.executable, [sys.executable, "-m", BY_NAME["command_center"].module, *words])
 
 
 def _node(arguments: argparse.Namespace) -> int:

@@ -1,11 +1,12 @@
-"""Verbs of the operator: `estop` and `release`, `start`, `pause`, `resume`, `home`, `goto X,Y`.
+"""Verbs of the operator: `estop` and `release`, `start`, `pause`, `resume`, `home`, `goto ROOM_OR_X,Y`.
 
-The stop is a state: sent again and again until the robot says that it is latched and that its wheels stand still.
+The rules of the stop and of the commands are the Command Center's; here is one demand, repeated until it is confirmed.
 """
 
 from __future__ import annotations
 
 import argparse
+import secrets
 import sys
 import time
 from collections.abc import Callable
@@ -15,14 +16,17 @@ from typing import Any
 from common.clock import FreeClock
 from common.config import load_config
 from common.errors import StartError
-from common.messages import ODOMETRY, OPERATION, PERMIT, STOP, Operation, OperatorCommand, StopRequest
+from common.messages import OPERATION, PERMIT, PLAN, POI, STOP, Operation, OperatorCommand
 from common.zenoh_bus import ZenohBus
+from offboard.command_center import operations, software_stop
+from offboard.command_center.operations import Answer, PendingOperation
+from offboard.command_center.places import UnknownPlace, coordinates, find_place, findings_of_run, run_folder_of
+from offboard.command_center.snapshot import Finding
+from offboard.command_center.software_stop import SOURCE, Demand, StopControl
 
-SOURCE = "operator"
-REPEAT_S = 0.05
 CONFIRM_TIMEOUT_S = 5.0
-# Not acknowledged by the planner: repeated so often that one lost link change cannot swallow it
-_OPERATION_REPEATS = 5
+LINK_TIMEOUT_S = 2.0
+_POLL_S = 0.01
 
 
 def add_verbs(verbs: Any) -> None:
@@ -33,14 +37,15 @@ def add_verbs(verbs: Any) -> None:
         ("pause", _operation, "stand until resume"),
         ("resume", _operation, "go on"),
         ("home", _operation, "drive home"),
-        ("goto", _operation, "drive to a place on the map"),
+        ("goto", _operation, "drive to a door or to a place on the map"),
     ):
         parser = verbs.add_parser(name, help=text)
         parser.add_argument("--config", type=Path, help="robot.toml of the mesh")
         if name == "goto":
             parser.add_argument(
-                "place", metavar="X,Y", help="metres in the map's frame; a leading minus needs -- before it"
+                "place", metavar="ROOM_OR_X,Y", help="door number, or metres; a leading minus needs -- before"
             )
+            parser.add_argument("--run-dir", type=Path, help="run folder whose doors are meant; found by --config")
         parser.set_defaults(run=run)
 
 
@@ -48,32 +53,44 @@ def _join(arguments: argparse.Namespace) -> ZenohBus:
     return ZenohBus("command_center", load_config(arguments.config), FreeClock(), "client")
 
 
-def _repeat(send: Callable[[], None], confirmed: Callable[[], bool]) -> bool:
-    deadline_s = time.monotonic() + CONFIRM_TIMEOUT_S
-    while time.monotonic() < deadline_s:
-        send()
-        time.sleep(REPEAT_S)
-        if confirmed():
-            return True
-    return False
+def _wait(condition: Callable[[], bool], timeout_s: float) -> bool:
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline_s:
+            return False
+        time.sleep(_POLL_S)
+    return True
+
+
+def _sent_until_confirmed(bus: ZenohBus, control: StopControl) -> StopControl:
+    """Sends what is demanded until the robot confirms or CONFIRM_TIMEOUT_S are over; returns what is left."""
+    next_s = 0.0
+
+    def over() -> bool:
+        nonlocal control, next_s
+        now_s = time.monotonic()
+        control = software_stop.heard(control, software_stop.robot_report(bus, now_s), now_s)
+        request = software_stop.request(control, now_s)
+        if request is not None and now_s >= next_s:
+            next_s = now_s + software_stop.REPEAT_S
+            bus.publish(STOP, request)
+        return control.demand is Demand.NONE
+
+    _wait(over, CONFIRM_TIMEOUT_S)
+    return control
 
 
 def _estop(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
-
-        def latched() -> bool:
-            permit = bus.latest(PERMIT)
-            return permit is not None and SOURCE in permit.stop_sources
-
-        def standing() -> bool:
-            odometry = bus.latest(ODOMETRY)
-            return latched() and odometry is not None and odometry.standing
-
-        if _repeat(lambda: bus.publish(STOP, StopRequest(time.monotonic(), SOURCE, latched=True)), standing):
-            print("Stopped: the stop is latched and the wheels stand still.")
+        control = _sent_until_confirmed(bus, StopControl(Demand.STOP, time.monotonic()))
+        if control.latency_s is not None:
+            latency_ms = 1000 * control.latency_s
+            print(f"Stopped: the stop is latched and the wheels stand still, confirmed in {latency_ms:.0f} ms.")
             return 0
-        known = "The stop is latched, but nobody says that the wheels stand still" if latched() else "Not confirmed"
+        permit = bus.latest(PERMIT)
+        latched = permit is not None and SOURCE in permit.stop_sources
+        known = "The stop is latched, but nobody says that the wheels stand still" if latched else "Not confirmed"
         print(f"{known}: use the red button on the robot.", file=sys.stderr)
         return 1
     finally:
@@ -83,38 +100,73 @@ def _estop(arguments: argparse.Namespace) -> int:
 def _release(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
-
-        def free() -> bool:
-            permit = bus.latest(PERMIT)
-            return permit is not None and SOURCE not in permit.stop_sources
-
-        if not _repeat(lambda: bus.publish(STOP, StopRequest(time.monotonic(), SOURCE, latched=False)), free):
+        if not _wait(lambda: bus.latest(PERMIT) is not None, LINK_TIMEOUT_S):
+            print("The robot is not heard, so nothing was released.", file=sys.stderr)
+            return 1
+        now_s = time.monotonic()
+        report = software_stop.robot_report(bus, now_s)
+        if not report.stop_sources:
+            print("No stop is latched; `resume` lets a robot that waits go on.")
+            return 0
+        hindrance = software_stop.release_hindrance(StopControl(), report, now_s)
+        if hindrance:
+            print(hindrance, file=sys.stderr)
+            return 1
+        control = _sent_until_confirmed(bus, StopControl(Demand.RELEASE, now_s))
+        if control.demand is Demand.RELEASE or control.release_failed:
             print("The robot did not confirm the release.", file=sys.stderr)
             return 1
-        permit = bus.latest(PERMIT)
-        others = ", ".join(permit.stop_sources) if permit is not None else ""
-        print(f"Released; still stopped by {others}." if others else "Released; `resume` lets the robot go on.")
+        print("Released; `resume` lets the robot go on.")
         return 0
     finally:
         bus.close()
 
 
 def _operation(arguments: argparse.Namespace) -> int:
-    x_m, y_m = _place(arguments.place) if arguments.verb == "goto" else (0.0, 0.0)
-    command = OperatorCommand(time.monotonic(), Operation(arguments.verb), x_m, y_m)
+    if arguments.verb == "goto":
+        _check_place(arguments.place)
     bus = _join(arguments)
     try:
-        for _ in range(_OPERATION_REPEATS):
-            bus.publish(OPERATION, command)
-            time.sleep(REPEAT_S)
-        return 0
+        x_m, y_m = _place(bus, arguments) if arguments.verb == "goto" else (0.0, 0.0)
+        command_id = operations.new_command_id(secrets.randbits)
+        command = OperatorCommand(time.monotonic(), Operation(arguments.verb), x_m, y_m, command_id=command_id)
+        answer = _repeat(bus, PendingOperation(command, time.monotonic()))
+        permit = bus.latest(PERMIT)
+        sources = permit.stop_sources if permit is not None else ()
+        sentence = operations.result_sentence(arguments.verb, answer, sources)
+        print(sentence, file=sys.stdout if answer is Answer.TAKEN else sys.stderr)
+        return 0 if answer is Answer.TAKEN else 1
     finally:
         bus.close()
 
 
-def _place(text: str) -> tuple[float, float]:
+def _repeat(bus: ZenohBus, pending: PendingOperation) -> Answer:
+    answer, next_s = Answer.WAITING, 0.0
+    bus.latest(PERMIT)
+    while answer is Answer.WAITING:
+        now_s = time.monotonic()
+        if now_s >= next_s:
+            next_s = now_s + operations.REPEAT_S
+            bus.publish(OPERATION, pending.command)
+        time.sleep(_POLL_S)
+        view = bus.latest(PLAN)
+        answer = pending.answer(view.command_id if view is not None else None, time.monotonic())
+    return answer
+
+
+def _check_place(text: str) -> None:
+    """What is wrong with the words themselves needs no mesh to be said."""
     try:
-        x_m, y_m = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise StartError(f"A place is written X,Y in metres, for example 3.5,-1; not {text}.") from error
-    return x_m, y_m
+        coordinates(text)
+    except UnknownPlace as error:
+        raise StartError(str(error)) from error
+
+
+def _place(bus: ZenohBus, arguments: argparse.Namespace) -> tuple[float, float]:
+    folder = arguments.run_dir or run_folder_of(arguments.config)
+    known = findings_of_run(folder) if folder is not None else {}
+    known |= {poi.poi_id: Finding(poi.number, poi.x_m, poi.y_m) for poi in bus.take(POI)}
+    try:
+        return find_place(arguments.place, known.values())
+    except UnknownPlace as error:
+        raise StartError(str(error)) from error

@@ -19,6 +19,10 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ProcessSpec("bridge", "onboard.bridge", "beaglebone"),
     ProcessSpec("mmu", "onboard.mmu", "beaglebone"),
     ProcessSpec("planner", "onboard.planner", "beaglebone"),
+    ProcessSpec("poi", "onboard.poi", "raspberry"),
     ProcessSpec("recorder", "offboard.recorder", "laptop"),
+    ProcessSpec("visualizer", "offboard.visualizer", "laptop"),
+    # It takes a terminal: `local` opens it in its own, where it has one
+    ProcessSpec("command_center", "offboard.command_center", "laptop", local=False),
 )
 BY_NAME = {spec.name: spec for spec in PROCESSES}

@@ -4,8 +4,9 @@
 ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 PYTHON="$ROOT/.venv/bin/python"
 DEBIAN_PACKAGES=(g++ libegl1 libgl1-mesa-dri)
-# The firmware's build for the Mega, and simavr to run it: for the tests and `simulate --board avr`
-TEST_PACKAGES=(make gcc-avr avr-libc arduino-core-avr arduino-builder libsimavr-dev libelf-dev)
+# What the robot does without, and its tests do not: a browser; the firmware's build for the Mega, simavr, a fuzzer
+TEST_PACKAGES=(chromium make gcc-avr avr-libc arduino-core-avr arduino-builder libsimavr-dev libelf-dev)
+TEST_PACKAGES+=(clang libclang-rt-dev)
 
 say() { printf '%s\n' "$*" >&2; }
 
@@ -24,23 +25,16 @@ need_debian() {
     "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive "${install[@]}" >&2
 }
 
-missing_debian() {
+not_installed() {
     local package
     for package in "$@"; do
         dpkg-query -W -f '${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || printf '%s\n' "$package"
     done
 }
 
-has_debian() { command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; }
-
-# What only tests need: they skip without it, so that being no root ends nothing
-set_up_tests() {
-    local missing
-    has_debian || return 0
-    mapfile -t missing < <(missing_debian "${TEST_PACKAGES[@]}")
-    if [ "${#missing[@]}" -gt 0 ]; then
-        (need_debian "${missing[@]}") || say "Going on; tests that need what is missing are skipped."
-    fi
+missing_debian() {
+    not_installed "${DEBIAN_PACKAGES[@]}"
+    python3 -c 'import ensurepip, venv' 2>/dev/null || printf '%s\n' python3-venv
 }
 
 wanted_stamp() {
@@ -58,9 +52,8 @@ set_up() {
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then
         return
     fi
-    if has_debian; then
-        mapfile -t missing < <(missing_debian "${DEBIAN_PACKAGES[@]}")
-        python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
+    if command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; then
+        mapfile -t missing < <(missing_debian)
         if [ "${#missing[@]}" -gt 0 ]; then
             need_debian "${missing[@]}"
         fi
@@ -70,4 +63,14 @@ set_up() {
     "$PYTHON" -m pip install -q --disable-pip-version-check -c "$ROOT/constraints.txt" \
         -e "$ROOT[mapping,sim,vision,laptop,dev]" >&2
     printf '%s\n' "$wanted" >"$stamp"
+}
+
+set_up_tests() {
+    local missing
+    if command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; then
+        mapfile -t missing < <(not_installed "${TEST_PACKAGES[@]}")
+        if [ "${#missing[@]}" -gt 0 ]; then
+            need_debian "${missing[@]}"
+        fi
+    fi
 }

@@ -16,10 +16,11 @@ RUNS_FOLDER = Path("runs")
 
 def make_recorder(config: Config, arguments: argparse.Namespace) -> Recorder:
     """Into the folder that was asked for, else a new one for this start."""
-    return Recorder(arguments.run_dir or RUNS_FOLDER / f"{datetime.now():%Y-%m-%d_%H-%M-%S}")
+    now = datetime.now().astimezone()
+    return Recorder(arguments.run_dir or RUNS_FOLDER / f"{now:%Y-%m-%d_%H-%M-%S}", now.isoformat(timespec="seconds"))
 
 
 if __name__ == "__main__":
     parser = argument_parser("recorder")
     parser.add_argument("--run-dir", type=Path, help="the run folder; a run that is there already is continued")
-    sys.exit(run("recorder", make_recorder, parser=parser))
+    sys.exit(run("recorder", make_recorder, parser=parser, mode="router"))

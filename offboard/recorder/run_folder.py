@@ -26,7 +26,7 @@ TRUTH_NAME = "truth.tum"  # simulation only
 MAP_POINTS_NAME = "map_points.csv"
 POIS_NAME = "pois.json"
 SUMMARY_NAME = "summary.json"
-DATABASE_NAME = "run.sqlite"  # reserved: the run database
+DATABASE_NAME = "run.sqlite"  # every message of the run
 MAP_SVG_NAME = "map.svg"
 MAP_PNG_NAME = "map.png"
 PHOTO_FOLDER = "photos"
@@ -78,6 +78,11 @@ class LineFile:
             raise
         self._size += len(data)
 
+    def cut(self) -> None:
+        """Empty the file: its lines will be written anew."""
+        self._file.truncate(0)
+        self._size = 0
+
     def close(self) -> None:
         self._file.close()
 
@@ -102,11 +107,16 @@ def write_tum(path: Path, times_s: FloatArray, poses: FloatArray) -> None:
     write_atomically(path, "".join(f"{line}\n" for line in lines).encode())
 
 
-def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> None:
-    """Wall points (N, 2) and their marks (N,); replaces the file."""
+def map_points_text(points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> str:
+    """Wall points (N, 2) and their marks (N,) as a map_points.csv holds them."""
     rows = zip(points_m.tolist(), inferred.tolist(), strict=True)
     body = "".join(f"{x:.3f},{y:.3f},{mark}\n" for (x, y), mark in rows)
-    write_atomically(path, f"{MAP_HEADER}\n{body}".encode())
+    return f"{MAP_HEADER}\n{body}"
+
+
+def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> None:
+    """Wall points (N, 2) and their marks (N,); replaces the file."""
+    write_atomically(path, map_points_text(points_m, inferred).encode())
 
 
 def read_map_points(path: Path) -> tuple[Points, npt.NDArray[np.uint8]]:

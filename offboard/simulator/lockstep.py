@@ -13,25 +13,28 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from common.bus import Bus, LocalMesh
-from common.config import Config
+from common.config import Config, with_camera
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, PlannerView
 from offboard.recorder.recorder import Recorder
 from offboard.simulator.avr_board import AvrBoard
 from offboard.simulator.board import Board, FirmwareBuildError, HostBoard
+from offboard.simulator.camera_frames import CameraFrames
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.simulator.simulation import Simulation
 from offboard.simulator.world import STEP_S
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
+from onboard.comm.outbox import Outbox
 from onboard.mmu.mmu import MappingUnit
 from onboard.planner.planner import Planner
+from onboard.poi.poi import Poi, reader_of
+from onboard.poi.reading_worker import DeferredWorker
 
 TIME_LIMIT_S = 4 * 3600.0
+RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
 PROGRESS_S = 5.0  # of wall time
-PREVIEW_PERIOD_S = 0.4  # camera: the cheap stream
-FULL_PERIOD_S = 1.2  # one full frame per 0.2 m driven
 _ROUNDING_S = 1e-9
 
 
@@ -65,9 +68,9 @@ class _Slot:
 class Lockstep:
     """World and nodes of one run. `advance` runs 5 ms of everything."""
 
-    def __init__(self, simulation: Simulation, nodes: list[Node]) -> None:
+    def __init__(self, simulation: Simulation, nodes: list[Node], seed: int = 0) -> None:
         self.simulation = simulation
-        self.mesh = LocalMesh()
+        self.mesh = LocalMesh(seed)
         self.operator = self.mesh.endpoint("command_center")
         self.slots = [_Slot(node, self.mesh.endpoint(node.name)) for node in nodes]
         self.world_s = 0.0  # wall time spent in the world
@@ -99,28 +102,6 @@ class Lockstep:
         self.simulation.close()
 
 
-class Eye:
-    """The camera's two streams, drawn as often as the robot would take them."""
-
-    name = "camera"
-    period_s = PREVIEW_PERIOD_S
-
-    def __init__(self, simulation: Simulation) -> None:
-        self._camera = simulation.camera
-        self._full_due_s = 0.0
-
-    def step(self, bus: Bus, now_s: float) -> None:
-        if self._camera is None:
-            return
-        self._camera.preview()
-        if now_s >= self._full_due_s:
-            self._full_due_s = now_s + FULL_PERIOD_S
-            self._camera.full()
-
-    def close(self) -> None:
-        """The simulation owns the camera."""
-
-
 def _board(build_of: str) -> Board:
     try:
         return AvrBoard() if build_of == "avr" else HostBoard()
@@ -143,26 +124,32 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
         events=events,
     )
     config = Config()
+    # Without a recorder nobody would ever empty it
+    outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
+    if simulation.camera is not None:
+        config = with_camera(config)
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
         MappingUnit(config.sonars.bearings_rad),
         Planner(),
-        Comm(config.comm),
+        Comm(config.comm, outbox=outbox),
     ]
     if recorder is not None:
         nodes.append(recorder)
     if simulation.camera is not None:
-        nodes.append(Eye(simulation))
-    return Lockstep(simulation, nodes)
+        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), DeferredWorker(lambda: reader_of(config.poi))))
+    return Lockstep(simulation, nodes, options.seed)
 
 
 def simulate(options: RunOptions) -> int:
     """A whole mission; prints its progress, writes the run folder. Exit code 0 when the mission was finished."""
     folder = prepare_folder(options)
-    robot = build(options, Recorder(folder))
+    recorder = Recorder(folder)
+    robot = build(options, recorder)
     began_s = time.monotonic()
     try:
         view = _mission(robot, began_s)
+        robot.run_until(lambda: recorder.finished, robot.now_s + RECORD_LIMIT_S)
     finally:
         robot.close()
     finished = view is not None and view.finished

@@ -17,6 +17,7 @@ from common.errors import StartError
 from common.process import argument_parser
 from offboard.recorder.run_folder import TRUTH_NAME, LineFile, tum_line
 from offboard.simulator.board import FirmwareBuildError, HostBoard
+from offboard.simulator.frame_server import FrameServer
 from offboard.simulator.options import RunOptions, load_world
 from offboard.simulator.simulation import Simulation
 
@@ -49,8 +50,15 @@ class SimulatorNode:
     name = "simulator"
     period_s = 0.01
 
-    def __init__(self, simulation: Simulation, truth_file: Path | None, motor_file: Path | None = None) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        truth_file: Path | None,
+        motor_file: Path | None = None,
+        frames: FrameServer | None = None,
+    ) -> None:
         self._simulation = simulation
+        self._frames = frames
         self._motors = MotorLog(motor_file) if motor_file is not None else None
         self._truth = LineFile(truth_file) if truth_file is not None else None
         self._written = 0
@@ -68,6 +76,8 @@ class SimulatorNode:
         self._simulation.advance(now_s - self._power_on_s)
         if self._motors is not None:
             self._motors.note(now_s, *world.board.outputs())
+        if self._frames is not None:
+            self._frames.step(now_s)
         if world.time_s >= self._write_due_s:
             self._write_due_s = world.time_s + WRITE_PERIOD_S
             self._write()
@@ -77,6 +87,8 @@ class SimulatorNode:
         for file in (self._truth, self._motors):
             if file is not None:
                 file.close()
+        if self._frames is not None:
+            self._frames.close()
         self._simulation.close()
 
     def _write(self) -> None:
@@ -94,6 +106,7 @@ def simulator_parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--errors", default="realistic")
     parser.add_argument("--camera", default="off")
+    parser.add_argument("--frames", type=Path, help="socket on which the camera's frames are served")
     parser.add_argument("--events", type=Path)
     parser.add_argument("--run-dir", type=Path, help="where truth.tum goes")
     return parser
@@ -125,10 +138,14 @@ def make_simulator(config: Config, arguments: argparse.Namespace) -> SimulatorNo
         events=events,
         pty_link=Path(config.bridge.serial_port),
     )
+    frames: FrameServer | None = None
+    if simulation.camera is not None and arguments.frames is not None:
+        frames = FrameServer(simulation.camera, arguments.frames)
     run_dir: Path | None = arguments.run_dir
     log_dir: Path | None = arguments.log_dir
     return SimulatorNode(
         simulation,
         run_dir / TRUTH_NAME if run_dir is not None else None,
         log_dir / MOTORS_NAME if log_dir is not None else None,
+        frames,
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import ceil, cos, floor, hypot, sin
+from math import ceil, cos, hypot, sin
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -23,12 +23,11 @@ from scipy.spatial import cKDTree
 
 from common.geometry import FloatArray, Points
 from offboard.recorder.run_folder import MAP_PNG_NAME, MAP_SVG_NAME, MapData, read_map, write_atomically
+from offboard.tools.map_frame import frame
 
 JOIN_M = 0.25  # wall points nearer than this are one wall
 THIN_M = 0.06  # of the points in a square of this side one is drawn
 TRAIL_STEP_M = 0.05
-MARGIN_M = 1.0
-FOOT_M = 2.2  # room for the scale bar under the map
 GRID_M = 5.0
 UNITS_PER_M = 10.0  # of the SVG's own coordinates: millimetres on paper
 PIXELS_PER_M = 20.0
@@ -110,16 +109,6 @@ def trail(trajectory: FloatArray) -> Points:
     return np.array(kept).reshape(-1, 2)
 
 
-def _frame(data: MapData) -> tuple[float, float, float, float]:
-    """Base point and size in whole metres around everything there is."""
-    pois = np.array([[poi["x_m"], poi["y_m"]] for poi in data.pois], dtype=np.float64).reshape(-1, 2)
-    everything = np.concatenate([data.points_m, data.trajectory[:, :2], pois, np.zeros((1, 2))])
-    low = everything.min(axis=0) - (MARGIN_M, FOOT_M)
-    high = everything.max(axis=0) + MARGIN_M
-    x0_m, y0_m = floor(low[0]), floor(low[1])
-    return x0_m, y0_m, max(ceil(high[0]) - x0_m, 8), ceil(high[1]) - y0_m
-
-
 def _circle(x_m: float, y_m: float, radius_m: float) -> Points:
     angle = np.linspace(0, 2 * np.pi, 25)
     return np.column_stack([x_m + radius_m * np.cos(angle), y_m + radius_m * np.sin(angle)])
@@ -162,7 +151,7 @@ def _scale_bar(x0_m: float, y0_m: float) -> tuple[list[Line], list[Label]]:
 
 def draw(data: MapData) -> Drawing:
     """Everything that either picture shows."""
-    x0_m, y0_m, width_m, height_m = _frame(data)
+    x0_m, y0_m, width_m, height_m = frame(data)
     x1_m, y1_m = x0_m + width_m, y0_m + height_m
     path = trail(data.trajectory)
     echoed = data.inferred == 0

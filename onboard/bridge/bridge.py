@@ -15,7 +15,7 @@ from enum import Enum
 
 from common.bus import Bus
 from common.config import Config
-from common.constants import HEARTBEAT_PERIOD_S
+from common.constants import HEARTBEAT_PERIOD_S, STATUS_RATE_HZ
 from common.errors import ErrorCode
 from common.messages import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP, DriveCommand, Speed
 from common.status import StatusReporter
@@ -101,6 +101,8 @@ class Bridge:
         self._car: CarSta | None = None
         self._beats = {"sim": 0, "car": 0}
         self._told: dict[str, tuple[str, int]] = {}
+        # A little less than the period: the board's own beat decides, not the jitter of the line
+        self._car_status = _Pace(0.9 / STATUS_RATE_HZ)
         self._drive: DriveCommand | None = None
         self._dropped_id: int | None = None
         self._heartbeat = _Pace(HEARTBEAT_PERIOD_S)
@@ -259,16 +261,21 @@ class Bridge:
                 self._beats["car"] += 1
                 self._gate.board_latched(message.stop_latched)
                 bus.publish(CARRIER, translation.carrier_report(message, t_s))
-                free_ram = self._sim.free_ram if self._sim is not None else 0
-                bus.publish(STATUS["car"], translation.car_status(message, t_s, self._beats["car"], free_ram))
-                self._tell("car", CarState(message.state).name, message.error)
+                # The Carrier reports every new drive command too, which is no news of its state
+                changed = self._tell("car", CarState(message.state).name, message.error)
+                if changed or self._car_status.due(t_s):
+                    free_ram = self._sim.free_ram if self._sim is not None else 0
+                    bus.publish(STATUS["car"], translation.car_status(message, t_s, self._beats["car"], free_ram))
             case Ack(of, _, result) if of == protocol.NUMBER[Rel] and result == AckResult.REFUSED:
                 self._gate.release_refused()
 
-    def _tell(self, module: str, state: str, error: int) -> None:
-        if self._told.get(module) != (state, error):
-            self._told[module] = (state, error)
-            _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)
+    def _tell(self, module: str, state: str, error: int) -> bool:
+        """Log what is new; False where nothing is."""
+        if self._told.get(module) == (state, error):
+            return False
+        self._told[module] = (state, error)
+        _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)
+        return True
 
     # --- to the board
 

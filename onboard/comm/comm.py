@@ -17,6 +17,7 @@ from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode
 from common.messages import PERMIT, STATUS, STOP, Permit
 from common.status import StatusReporter
+from onboard.comm.outbox import FILE_NAME, Outbox
 from onboard.comm.stop_latch import StopLatch, load_latch, save_latch
 from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, watch
 
@@ -39,15 +40,19 @@ class _Beat:
 
 
 class Comm:
-    """The node. `latch_record` is the file by which a stop outlives a restart of this process, None for none."""
+    """The node. `latch_record` is the file by which a stop outlives a restart of this process, None for none.
+
+    `outbox` takes what goes to the recorder; without one nothing does.
+    """
 
     name = "comm"
     period_s = 0.02
 
-    def __init__(self, settings: CommSection, latch_record: Path | None = None) -> None:
+    def __init__(self, settings: CommSection, latch_record: Path | None = None, outbox: Outbox | None = None) -> None:
         self._settings = settings
         self._latch_record = latch_record
         self._latch = load_latch(latch_record) if latch_record else StopLatch()
+        self._outbox = outbox
         self._watchdog: WatchdogState | None = None
         self._beats: dict[str, _Beat] = {}
         self._permit: Permit | None = None
@@ -68,9 +73,12 @@ class Comm:
             _log.info("stop sources=%s", sorted(self._latch.sources))
             if self._latch_record:
                 save_latch(self._latch_record, self._latch)
+        if self._outbox is not None:
+            self._outbox.step(bus, now_s)
 
     def close(self) -> None:
-        pass
+        if self._outbox is not None:
+            self._outbox.close()
 
     def _watch(self, bus: Bus, now_s: float, tokens: frozenset[str] | None) -> Verdict:
         required = self._settings.required
@@ -120,6 +128,7 @@ class Comm:
 
 
 def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
-    """The node of the process; the stop's record stands in the log folder."""
+    """The node of the process; the stop's record and the outbox stand in the log folder."""
     folder: Path | None = arguments.log_dir
-    return Comm(config.comm, folder / "stop_latch.json" if folder else None)
+    outbox = Outbox(folder / FILE_NAME if folder else None, config.comm.outbox_limit_mb * 1_000_000)
+    return Comm(config.comm, folder / "stop_latch.json" if folder else None, outbox)

@@ -118,6 +118,7 @@ class Mission:
         self._directions_seen = 0
         self._anchor: Pose2 | None = None
         self._still_s = 0.0
+        self._at_junction = False  # a leg has ended, and no way on is chosen yet
         self._vain_legs: list[Pose2] = []  # where driving straight on led nowhere
         self._retake_rad = 0.0
         self._retry_s = 0.0
@@ -146,6 +147,11 @@ class Mission:
         if self.mode in (Mode.STRAIGHT, Mode.ROUTE, Mode.LOOK):
             self.mode, self.way, self._target = Mode.RETAKE, [], (pose.x_m, pose.y_m)
             self._retake_rad = pose.heading_rad
+
+    def end_detour(self, heading_rad: float, now_s: float) -> None:
+        """Nobody wants that photo any more."""
+        if self.mode is Mode.RETAKE:
+            self._look(heading_rad, now_s)
 
     def blocked(self, view: View, bearing_rad: float) -> None:
         """Something stands in the way that the map does not know: plan around it for a while."""
@@ -242,7 +248,9 @@ class Mission:
         heading_rad = self._along_hall(view.pose.heading_rad)
         ways = {turn: self._along_hall(wrap_angle(heading_rad + turn.value)) for turn in Turn}
         open_ways = {turn for turn, way_rad in ways.items() if self._shows_new(view, way_rad, turn is Turn.FORWARD)}
-        turn = decide(open_ways)
+        # A way that was chosen is driven before the next choice, or the robot would go round and round on the spot
+        turn = Turn.FORWARD if Turn.FORWARD in open_ways and not self._at_junction else decide(open_ways)
+        self._at_junction = False
         if turn is Turn.FORWARD:
             self.mode, self._leg_rad, self._opening_checked = Mode.STRAIGHT, heading_rad, view.pose
             self._leg_start = view.pose
@@ -354,6 +362,7 @@ class Mission:
     def _end_leg(self, view: View) -> None:
         if self._leg_start is not None and self._leg_start.distance_m(view.pose) < VAIN_LEG_M:
             self._vain_legs.append(self._leg_start)
+        self._at_junction = True
         self._look(view.pose.heading_rad, view.now_s)
 
     def _follow_way(self, view: View) -> Motion:

@@ -43,6 +43,7 @@ from onboard.planner.poi_override import Override, after, speed
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
 POINTS_NEAR_M = 4.0
+TAKEN_KEPT = 16  # operator commands whose repeats are known as such
 _NO_POINTS = np.zeros((0, 2))
 
 
@@ -66,6 +67,7 @@ class Planner:
         self._view_sent_s = -math.inf
         self._paused = False
         self._override = Override()
+        self._taken: deque[int] = deque(maxlen=TAKEN_KEPT)
         self._left: deque[float] = deque(maxlen=5)
         self._right: deque[float] = deque(maxlen=5)
         self._front: deque[float] = deque(maxlen=3)
@@ -109,8 +111,17 @@ class Planner:
             self._grid = GridMap.from_update(newest)
 
     def _operate(self, command: OperatorCommand, pose: PoseEstimate | None, now_s: float) -> None:
+        if command.command_id and command.command_id in self._taken:
+            self._view_sent_s = -math.inf  # the answer was lost
+            return
+        if command.operation is Operation.START and pose is None:
+            return  # not taken: it comes again
+        if command.command_id:
+            self._taken.append(command.command_id)
+            self._view_sent_s = -math.inf
         self._paused = command.operation is Operation.PAUSE
-        if command.operation is Operation.START and pose is not None:
+        if command.operation is Operation.START:
+            assert pose is not None
             self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad), now_s)
         elif command.operation is Operation.HOME:
             self._mission.go_home()
@@ -122,6 +133,8 @@ class Planner:
         self._override = after(self._override, request.command, now_s, turning)
         if request.command is PoiCommand.GOTO and not turning:
             self._mission.detour(Pose2(request.x_m, request.y_m, request.heading_rad))
+        if request.command is PoiCommand.CONTINUE and pose is not None:
+            self._mission.end_detour(pose.heading_rad, now_s)
 
     def _trouble(self, bus: Bus) -> ErrorCode:
         """Why the robot must stand; OK where it need not."""
@@ -205,7 +218,16 @@ class Planner:
         area_m2 = self._grid.area_m2 if self._grid is not None else 0.0
         bus.publish(
             PLAN,
-            PlannerView(now_s, mode.name, mode.value, way, len(self._mission.groups), area_m2, self._mission.finished),
+            PlannerView(
+                now_s,
+                mode.name,
+                mode.value,
+                way,
+                len(self._mission.groups),
+                area_m2,
+                self._mission.finished,
+                command_id=self._taken[-1] if self._taken else 0,
+            ),
         )
 
 

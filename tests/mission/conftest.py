@@ -50,6 +50,31 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return floor_file(tmp_path_factory.mktemp("floors"), "hall", box(0, 0, 10, 1.6), [], (1.0, 0.8))
 
 
+@pytest.fixture(scope="session")
+def hall_with_door(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same with a door, its plate and a poster on its south wall."""
+    path = floor_file(tmp_path_factory.mktemp("floors"), "hall with door", box(0, 0, 10, 1.6), [], (1.0, 0.8))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    on_wall = {"y_m": 0.0, "normal_deg": 90.0, "centre_height_m": 1.5}
+    plate = on_wall | {"x_m": 3.2, "on_door": False, "width_m": 0.2, "height_m": 0.15, "style": "light on dark"}
+    content["doors"] = [
+        {
+            "x_m": 4.0,
+            "y_m": 0.0,
+            "normal_deg": 90.0,
+            "width_m": 0.9,
+            "height_m": 2.1,
+            "colour_rgb": [70, 96, 130],
+            "number": "215B",
+            "room_type": "Office",
+            "plate": plate | {"number_height_m": 0.04},
+        }
+    ]
+    content["posters"] = [on_wall | {"x_m": 6.0, "width_m": 0.42, "height_m": 0.59, "text": "Open day 2019"}]
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
 @pytest.fixture
 def tell() -> Iterator[Callable[..., Story]]:
     """`tell(floor, seed=1, events=...)` powers a robot on."""

@@ -29,7 +29,7 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def until(condition: Callable[[], object], deadline_s: float = 10.0, what: str = "the condition") -> None:
+def until(condition: Callable[[], object], deadline_s: float = 10.0, what: object = "the condition") -> None:
     end_s = time.monotonic() + deadline_s
     while not condition():
         assert time.monotonic() < end_s, f"{what} did not come true within {deadline_s} s"
@@ -46,7 +46,8 @@ class Mesh:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.config = Config(
-            mesh=MeshSection(router=free_endpoint()), bridge=BridgeSection(serial_port=str(folder / "serial"))
+            mesh=MeshSection(router=free_endpoint(), laptop_router=free_endpoint()),
+            bridge=BridgeSection(serial_port=str(folder / "serial")),
         )
         self.config_file = folder / "robot.toml"
         self.config_file.write_text(config_text(self.config), encoding="utf-8")

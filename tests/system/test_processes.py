@@ -57,7 +57,7 @@ def test_a_missing_serial_port_is_one_sentence_and_exit_code_2(mesh: Mesh) -> No
         (("local", "--speed", "fast"), "--speed"),
         (("node", "nobody"), "no process nobody"),
         (("dance",), "dance"),
-        (("goto", "kitchen"), "X,Y"),
+        (("goto", "3,kitchen"), "X,Y"),
         (("start", "--config", "missing.toml"), "missing.toml cannot be read"),
     ],
 )

@@ -254,6 +254,18 @@ def test_reports_reach_the_mesh_ten_times_a_second() -> None:
         assert len(rig.others.take(topic)) in (29, 30, 31), topic.key
 
 
+@pytest.mark.requirement("CAR_MR_06", "CC_MR_03")
+def test_status_of_the_carrier_keeps_its_rate_while_it_is_steered() -> None:
+    rig = driving_rig()
+    rig.others.take(STATUS["car"])
+    for number in range(30):
+        rig.drive(100 + number, Speed.MEDIUM, 0.002 * number)
+        rig.run(0.1)
+    reports = rig.others.take(STATUS["car"])
+    assert 27 <= len(reports) <= 33
+    assert all(report.state and report.memory_kb for report in reports)
+
+
 def test_ranges_count_from_the_ring_and_nothing_heard_is_not_a_number() -> None:
     rig = BenchRig()
     rig.bench.echo_us[2] = 100 * 147

@@ -42,6 +42,7 @@ def test_values_are_read_and_integers_serve_as_numbers() -> None:
         ('[comm]\nrequired = ["mmmu"]', "comm.required names 'mmmu'"),
         ("[sonars]\nbearings_deg = [1.0]", "must hold 5 angles"),
         ("[wheels]\ndiameter_m = 66.0", "wheels.diameter_m must be between"),
+        ("[visualizer]\nport = 70000", "visualizer.port must be between 0 and 65535"),
         ('[robot]\nname = "a/b"', "robot.name must be one word"),
         ("[robot", "r.toml is no valid TOML"),
     ],

@@ -167,3 +167,32 @@ def test_a_place_that_cannot_be_reached_is_not_answered_with_another() -> None:
     for _ in range(600):
         drive.step()
     assert drive.pose.distance_m(Pose2(4.0, 0.0, 0.0)) < 0.3
+
+
+@pytest.mark.requirement("PLN_MR_01")
+def test_a_way_that_was_chosen_at_a_junction_is_driven_before_another_is_chosen() -> None:
+    """Open floor on all sides: who chose the right-most way at every stop would turn round and round on the spot."""
+    drive = Drive(drawn([(-2.0, -2.0, 2.0, 2.0)], [], (12.0, 12.0), (-6.0, -6.0)), Pose2(0.0, 0.0, 0.0))
+    drive.mission.start(drive.pose, drive.now_s)
+    turned_rad, turned_by_leg = 0.0, []
+    for _ in range(600):
+        mode, heading_rad = drive.mission.mode, drive.pose.heading_rad
+        drive.step()
+        turned_rad += abs(wrap_angle(drive.pose.heading_rad - heading_rad))
+        if drive.mission.mode is Mode.STRAIGHT and mode is not Mode.STRAIGHT:
+            turned_by_leg.append(turned_rad)
+            turned_rad = 0.0
+    assert len(turned_by_leg) >= 4
+    assert max(turned_by_leg) < radians(200.0)
+
+
+def test_detour_that_nobody_wants_any_more_ends() -> None:
+    mission = Mission()
+    mission.start(Pose2(0.0, 0.0, 0.0), 0.0)
+    mission.detour(Pose2(2.0, 0.0, 0.0))
+    assert mission.mode is Mode.RETAKE
+    mission.end_detour(0.0, 1.0)
+    assert mission.mode is Mode.LOOK
+    mission.go_home()
+    mission.end_detour(0.0, 2.0)
+    assert mission.mode is Mode.HOME

@@ -179,6 +179,39 @@ def test_before_the_start_nothing_that_comes_or_goes_moves_the_robot(what: str) 
     assert not moving(robot.run(1.0))
 
 
+def test_a_command_is_taken_once_however_often_it_comes_and_acknowledged() -> None:
+    robot = Robot()
+    robot.run(0.5)
+    robot.others.take(PLAN)
+    robot.run(0.2)
+    assert all(view.command_id == 0 for view in robot.others.take(PLAN))
+    asked_s = robot.now_s
+    start = OperatorCommand(asked_s, Operation.START, command_id=7)
+    robot.others.publish(OPERATION, start)
+    robot.run(0.1)
+    answer = robot.others.take(PLAN)[0]
+    assert (answer.command_id, answer.mode) == (7, "LOOK")
+    assert answer.t_s - asked_s < 0.05, "at once, not with the next view"
+    robot.others.publish(OPERATION, OperatorCommand(robot.now_s, Operation.PAUSE, command_id=8))
+    robot.run(0.1)
+    robot.others.publish(OPERATION, start)
+    assert not moving(robot.run(4.0)), "a late repeat of the start must not end the pause"
+    assert robot.others.take(PLAN)[-1].command_id == 8
+
+
+def test_a_start_without_a_pose_is_not_taken_until_there_is_one() -> None:
+    robot, good = Robot(), Robot()
+    robot.pose = None
+    robot.others.publish(OPERATION, OperatorCommand(0.0, Operation.START, command_id=7))
+    robot.run(1.0)
+    assert robot.others.take(PLAN)[-1].command_id == 0
+    robot.pose = good.pose
+    robot.run(0.2)
+    robot.others.publish(OPERATION, OperatorCommand(0.0, Operation.START, command_id=7))
+    robot.run(1.0)
+    assert robot.others.take(PLAN)[-1].command_id == 7
+
+
 @pytest.mark.requirement("CC_MR_04")
 def test_the_release_of_a_stop_never_starts_motion_but_resume_does() -> None:
     robot = Robot().started()

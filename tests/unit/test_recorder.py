@@ -31,6 +31,7 @@ from common.messages import (
 from offboard.recorder import run_folder
 from offboard.recorder.map_assembly import MapAssembly
 from offboard.recorder.recorder import WRITE_PERIOD_S, Recorder
+from onboard.comm.outbox import Outbox
 
 
 def pose(t_s: float, x_m: float = 0.0, heading_rad: float = 0.0) -> PoseEstimate:
@@ -50,15 +51,21 @@ def view(*, finished: bool) -> PlannerView:
     return PlannerView(0.0, "explore", "", np.empty((0, 2), np.float32), 0, 0.0, finished)
 
 
+# The second and third hold what is not yet in the first, while it is open
+DATABASE = {"run.sqlite", "run.sqlite-wal", "run.sqlite-shm"}
+
+
 class Run:
     """A recorder and someone who talks to it."""
 
-    def __init__(self, folder: Path) -> None:
-        mesh = LocalMesh()
-        self.robot, self.bus = mesh.endpoint("robot"), mesh.endpoint("recorder")
+    def __init__(self, folder: Path, seed: int = 1) -> None:
+        """Another seed: a robot that has been started again."""
+        self.mesh = LocalMesh(seed)
+        self.robot, self.bus = self.mesh.endpoint("robot"), self.mesh.endpoint("recorder")
+        self.comm = self.mesh.endpoint("comm")
+        self.outbox = Outbox(None, 1_000_000_000, new_id=seed)
         self.folder = folder
         self.recorder = Recorder(folder)
-        self.now_s = 0.0
         self.step()
 
     def say(self, topic: Any, *messages: Any) -> None:
@@ -66,9 +73,13 @@ class Run:
             self.robot.publish(topic, message)
         self.step()
 
-    def step(self, passed_s: float = 0.1) -> None:
-        self.now_s += passed_s
-        self.recorder.step(self.bus, self.now_s)
+    def step(self, passed_s: float = 1.0) -> None:
+        """Long enough that what was said is on the disk."""
+        end_s = self.mesh.now_s + passed_s
+        while self.mesh.now_s < end_s:
+            self.mesh.now_s = round(self.mesh.now_s + 0.05, 6)
+            self.outbox.step(self.comm, self.mesh.now_s)
+            self.recorder.step(self.bus, self.mesh.now_s)
 
     @property
     def error(self) -> int | None:
@@ -85,7 +96,7 @@ def xs_of_map(folder: Path) -> list[float]:
     return [round(float(x), 3) for x in run_folder.read_map_points(folder / "map_points.csv")[0][:, 0]]
 
 
-def test_poses_are_on_the_disk_after_the_step_that_brought_them(run: Run) -> None:
+def test_poses_are_on_the_disk_soon(run: Run) -> None:
     run.say(POSE, pose(1.0, 0.5, np.pi / 2), pose(1.1, 0.6))
     lines = (run.folder / "trajectory.tum").read_text().splitlines()
     assert lines[0] == "1.0000 0.5000 0.0000 0 0 0 0.7071068 0.7071068"
@@ -169,7 +180,7 @@ def test_finished_mission_leaves_a_complete_folder_at_once(run: Run) -> None:
     assert not (run.folder / "map.svg").exists()
     run.say(PLAN, view(finished=True))
     files = {path.name for path in run.folder.iterdir()}
-    assert files == {"trajectory.tum", "map_points.csv", "pois.json", "map.svg", "map.png"}
+    assert files == {"trajectory.tum", "map_points.csv", "pois.json", "map.svg", "map.png"} | DATABASE
     assert run.recorder.finished
 
 
@@ -179,7 +190,7 @@ def test_restarted_recorder_continues_the_folder(run: Run) -> None:
     run.recorder.close()
     with (run.folder / "trajectory.tum").open("a") as file:
         file.write("1.5 0.3 half a li")
-    again = Run(run.folder)
+    again = Run(run.folder, seed=2)
     again.say(POSE, pose(2.0))
     again.say(POI, door(2, "8"))
     again.recorder.close()

@@ -1,0 +1,257 @@
+"""Messages as bytes, on their way into the run database: in order and once, with nothing missing that can be had.
+
+A producer keeps its newest messages (`RecentMessages`). Who records (`Tap`: comm on the robot, recorder on the laptop)
+knows by boot id and sequence number what it has not heard and asks the producer for it, also after its own restart.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import msgpack
+
+from common.codec import DecodeError, read_header
+
+RECENT_COUNT = 512
+RECENT_BYTES = 8_000_000
+MESSAGE_BYTES_MAX = 16_000_000  # no message of ours is longer; a longer one is dropped unseen
+TAP_LENGTH = 4096  # messages that may wait for the node's thread
+KNOWN_BOOTS = 32  # restarts per topic that are remembered
+HELD_MAX = 1024
+_ASK_PAUSE_S = 0.3
+_AUDIT_PERIOD_S = 5.0
+_GIVE_UP_S = 10.0  # wall time; a producer that has not answered until then is gone, and what it had with it
+
+Known = dict[tuple[str, int], int]  # topic key and boot id -> newest sequence number
+Losses = dict[tuple[str, int], int]  # topic key and boot id -> how many were lost
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One message as it travelled, with what its envelope says."""
+
+    key: str
+    boot_id: int
+    sequence: int
+    data: bytes
+
+
+class RecentMessages:
+    """The newest messages of one publisher, at most RECENT_COUNT and RECENT_BYTES, but always the newest one."""
+
+    def __init__(self) -> None:
+        self._messages: deque[tuple[int, bytes]] = deque()
+        self._bytes = 0
+
+    def append(self, sequence: int, data: bytes) -> None:
+        self._messages.append((sequence, data))
+        self._bytes += len(data)
+        while len(self._messages) > 1 and (len(self._messages) > RECENT_COUNT or self._bytes > RECENT_BYTES):
+            self._bytes -= len(self._messages.popleft()[1])
+
+    def after(self, sequence: int) -> list[bytes]:
+        return [data for number, data in self._messages if number > sequence]
+
+
+@dataclass(slots=True)
+class _Gap:
+    since_s: float
+    held: dict[int, Frame]  # what came from behind the gap
+
+
+class FrameOrder:
+    """Frames as they come -> each once and in order per topic and boot id. Pure; wall time is given."""
+
+    def __init__(self, known: Mapping[tuple[str, int], int]) -> None:
+        self.known: Known = dict(known)
+        self._gaps: dict[tuple[str, int], _Gap] = {}
+        self._lost: Losses = {}
+
+    def add(self, frame: Frame, now_s: float) -> list[Frame]:
+        """What is in order now; a frame from behind a gap is held until the gap is filled or given up."""
+        source = (frame.key, frame.boot_id)
+        newest = self.known.get(source, 0)
+        if frame.sequence <= newest:
+            return []
+        gap = self._gaps.get(source)
+        if gap is None and frame.sequence == newest + 1:
+            self._know(source, frame.sequence)
+            return [frame]
+        if gap is None:
+            gap = self._gaps[source] = _Gap(now_s, {})
+        gap.held[frame.sequence] = frame
+        return self._drain(source, gap, max(gap.held) if len(gap.held) > HELD_MAX else 0)
+
+    def cannot_be_had(self, source: tuple[str, int], up_to: int) -> list[Frame]:
+        """The producer has told all it still had up to a sequence number: what is missing before it is lost."""
+        gap = self._gaps.get(source)
+        return self._drain(source, gap, up_to) if gap is not None else []
+
+    def give_up(self, now_s: float) -> list[Frame]:
+        """What is held behind gaps that nobody has filled for long."""
+        old = [(source, gap) for source, gap in self._gaps.items() if now_s - gap.since_s > _GIVE_UP_S]
+        return [frame for source, gap in old for frame in self._drain(source, gap, max(gap.held))]
+
+    def topics_with_gaps(self) -> set[str]:
+        return {key for key, _ in self._gaps}
+
+    def boots(self, key: str) -> dict[int, int]:
+        """Boot id -> newest sequence number known of a topic."""
+        return {boot_id: sequence for (topic, boot_id), sequence in self.known.items() if topic == key}
+
+    def take_lost(self) -> Losses:
+        lost, self._lost = self._lost, {}
+        return lost
+
+    def _drain(self, source: tuple[str, int], gap: _Gap, up_to: int) -> list[Frame]:
+        frames = []
+        newest = self.known.get(source, 0)
+        for sequence in sorted(gap.held):
+            if sequence > newest + 1:
+                if sequence > up_to:
+                    break
+                self._lost[source] = self._lost.get(source, 0) + sequence - newest - 1
+            frames.append(gap.held.pop(sequence))
+            newest = sequence
+        if frames:
+            self._know(source, newest)
+        if not gap.held:
+            del self._gaps[source]
+        return frames
+
+    def _know(self, source: tuple[str, int], sequence: int) -> None:
+        if source not in self.known:
+            same_topic = [other for other in self.known if other[0] == source[0]]
+            if len(same_topic) >= KNOWN_BOOTS:
+                del self.known[same_topic[0]]
+        self.known[source] = sequence
+
+
+Ask = Callable[[str, bytes], None]
+
+
+class Tap:
+    """Every message of some topics. `store` and `answer` are called by the bus's threads, the rest by the node's.
+
+    `ask(key, question)` sends the question, `RecentMessages` answer it; the answers come to `answer`.
+    """
+
+    def __init__(
+        self,
+        keys: Iterable[str],
+        on_event: Iterable[str],
+        known: Mapping[tuple[str, int], int],
+        ask: Ask,
+        wall_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`on_event`: the keys where no next message may come for long that would show a gap."""
+        self.bad: dict[str, int] = {}
+        self._order = FrameOrder(known)
+        self._ask = ask
+        self._wall_s = wall_s
+        self._keys, self._on_event = tuple(keys), frozenset(on_event)
+        self._came: deque[tuple[str, bytes]] = deque(maxlen=TAP_LENGTH)
+        self._answers: deque[tuple[str, bytes]] = deque()
+        self._asked_s = dict.fromkeys(self._keys, float("-inf"))
+        self._audit_due_s = float("-inf")
+        self._all_due = threading.Event()
+        self._all_due.set()
+
+    def store(self, key: str, data: bytes) -> None:
+        self._came.append((key, data))
+
+    def answer(self, key: str, pack: bytes) -> None:
+        self._answers.append((key, pack))
+
+    def ask_all(self) -> None:
+        """A producer has come, or come back: it may have said something meanwhile."""
+        self._all_due.set()
+
+    def frames(self) -> list[Frame]:
+        """What came since the last call; asks for what is missing."""
+        now_s = self._wall_s()
+        frames: list[Frame] = []
+        while self._came:
+            frame = self._frame(*self._came.popleft())
+            if frame is not None:
+                frames += self._order.add(frame, now_s)
+        while self._answers:
+            frames += self._fill(*self._answers.popleft(), now_s)
+        frames += self._order.give_up(now_s)
+        self._ask_for_missing(now_s)
+        return frames
+
+    def take_lost(self) -> Losses:
+        return self._order.take_lost()
+
+    def _frame(self, key: str, data: bytes) -> Frame | None:
+        try:
+            sequence, boot_id = read_header(data)
+        except DecodeError as error:
+            self.count_bad(key, str(error))
+            return None
+        return Frame(key, boot_id, sequence, data)
+
+    def count_bad(self, key: str, problem: str) -> None:
+        """What came is no message at all, so no database can hold it under its number."""
+        count = self.bad[key] = self.bad.get(key, 0) + 1
+        if count & (count - 1) == 0:  # at the first, second, fourth, eighth ... one: a flood must not fill the log
+            _log.warning("no message topic=%s count=%d error=%s", key, count, problem)
+
+    def _fill(self, key: str, pack: bytes, now_s: float) -> list[Frame]:
+        frames: list[Frame] = []
+        newest: dict[int, int] = {}
+        for data in unpack_messages(pack):
+            frame = self._frame(key, data)
+            if frame is not None:
+                frames += self._order.add(frame, now_s)
+                newest[frame.boot_id] = max(newest.get(frame.boot_id, 0), frame.sequence)
+        for boot_id, sequence in newest.items():
+            frames += self._order.cannot_be_had((key, boot_id), sequence)
+        return frames
+
+    def _ask_for_missing(self, now_s: float) -> None:
+        due = self._order.topics_with_gaps()
+        if self._all_due.is_set():
+            self._all_due.clear()
+            due |= set(self._keys)
+            self._asked_s = dict.fromkeys(self._keys, float("-inf"))
+        if now_s >= self._audit_due_s:
+            self._audit_due_s = now_s + _AUDIT_PERIOD_S
+            due |= self._on_event
+        for key in sorted(due):
+            if now_s - self._asked_s[key] >= _ASK_PAUSE_S:
+                self._asked_s[key] = now_s
+                self._ask(key, question(self._order.boots(key)))
+
+
+def question(boots: Mapping[int, int]) -> bytes:
+    """Asks a producer for everything after the newest sequence number known of its boot id."""
+    packed: bytes = msgpack.packb(dict(boots))
+    return packed
+
+
+def asked_after(asked: bytes, boot_id: int) -> int:
+    """The sequence number after which the asker knows nothing of this boot; 0 for a question that makes no sense."""
+    try:
+        boots = msgpack.unpackb(asked, strict_map_key=False)
+    except (ValueError, msgpack.UnpackException):
+        return 0
+    sequence = boots.get(boot_id, 0) if isinstance(boots, dict) else 0
+    return sequence if isinstance(sequence, int) else 0
+
+
+def unpack_messages(pack: bytes) -> list[bytes]:
+    """The messages in an answer; none when it makes no sense."""
+    try:
+        messages = msgpack.unpackb(pack)
+    except (ValueError, msgpack.UnpackException):
+        return []
+    return [m for m in messages if isinstance(m, bytes)] if isinstance(messages, list) else []

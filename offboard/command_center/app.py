@@ -1,0 +1,131 @@
+"""The terminal UI: pulls from the node a few times a second and shows it. It never sees the bus."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar, cast
+
+from textual.app import App, SystemCommand
+from textual.binding import BindingType
+from textual.command import CommandPalette
+from textual.screen import Screen
+from textual.theme import Theme
+
+from offboard.command_center.actions import OperatorActions
+from offboard.command_center.bindings import (
+    GENERAL_BINDINGS,
+    HELP,
+    LOG_BINDINGS,
+    OPERATION_BINDINGS,
+    STOP_BINDINGS,
+)
+from offboard.command_center.command_center import CommandCenter
+from offboard.command_center.operations import Answer
+from offboard.command_center.screens.guarded import Guarded, GuardedPalette
+from offboard.command_center.screens.main import MainScreen
+from offboard.command_center.software_stop import Demand
+
+PULL_PERIOD_S = 0.2
+BAR_PERIOD_S = 0.1  # while a demand is not confirmed: people watch the seconds
+MAP_PERIOD_S = 1.0
+
+WIDTHS: list[tuple[int, str]] | None = [(0, "-narrow"), (100, "-wide"), (130, "-very-wide")]
+THEME = Theme(
+    name="command-center",
+    primary="#58a6ff",
+    secondary="#8b949e",
+    accent="#a371f7",
+    warning="#e3b341",
+    error="#ff7b72",
+    success="#3fb950",
+    foreground="#c9d1d9",
+    background="#0d1117",
+    surface="#11161d",
+    panel="#161b22",
+    dark=True,
+    variables={"footer-key-foreground": "#58a6ff", "border-blurred": "#30363d"},
+)
+
+
+class CommandCenterApp(OperatorActions, App[int]):
+    """`stop` ends it from outside; `owns_mesh` makes it ask on leaving whether the mesh shall end too."""
+
+    CSS_PATH = "command_center.tcss"
+    TITLE = "Indoor Mapping"
+    HORIZONTAL_BREAKPOINTS = WIDTHS
+    BINDINGS: ClassVar[list[BindingType]] = [*STOP_BINDINGS, *OPERATION_BINDINGS, *LOG_BINDINGS, *GENERAL_BINDINGS]
+
+    def __init__(
+        self,
+        node: CommandCenter,
+        *,
+        robot: str,
+        page: str,
+        export_dir: Path,
+        owns_mesh: bool = False,
+        stop: threading.Event | None = None,
+    ) -> None:
+        super().__init__()
+        self.node = node
+        self.owns_mesh = owns_mesh
+        self.export_dir = export_dir
+        self.main = MainScreen(page)
+        self._robot = robot
+        self._stop = stop or threading.Event()
+        self._told_operation = 0
+
+    def on_mount(self) -> None:
+        self.register_theme(THEME)
+        self.theme = THEME.name
+        self.push_screen(self.main)
+        self.set_interval(PULL_PERIOD_S, self.pull)
+        self.set_interval(BAR_PERIOD_S, self._pull_bar_while_demanding)
+        self.set_interval(MAP_PERIOD_S, self._pull_map)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        if action == "software_stop_by_space":
+            return not self.writes_into_a_field()
+        return True
+
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        """Every bound action by its name."""
+        for binding in (*STOP_BINDINGS, *OPERATION_BINDINGS, *LOG_BINDINGS, *GENERAL_BINDINGS):
+            if binding.id in HELP:
+                yield SystemCommand(binding.description, HELP[binding.id], partial(self.run_action, binding.action))
+
+    def action_command_palette(self) -> None:
+        if not CommandPalette.is_open(cast(App[Any], self)):
+            self.push_screen(GuardedPalette(id="--command-palette"))
+
+    def pull(self) -> None:
+        """Bring everything that is seen up to date."""
+        if self._stop.is_set():
+            self.exit(0)
+            return
+        snapshot = self.node.snapshot()
+        self.main.feed_log(self.node.take_log(), snapshot.lines_dropped)
+        for screen in self.screen_stack:
+            if isinstance(screen, Guarded) and screen.is_mounted:
+                screen.stop_bar.show(snapshot, self._robot)
+                screen.show(snapshot)
+        result = snapshot.operation
+        if result is not None and result.answer is not Answer.WAITING and result.serial != self._told_operation:
+            self._told_operation = result.serial
+            severity = "information" if result.answer is Answer.TAKEN else "error"
+            self.notify(result.sentence, severity=severity)  # type: ignore[arg-type]
+
+    def pull_bar(self) -> None:
+        """The bar of the screen in front alone: a press must be seen at once."""
+        screen = self.screen
+        if isinstance(screen, Guarded):
+            screen.stop_bar.show(self.node.snapshot(), self._robot)
+
+    def _pull_bar_while_demanding(self) -> None:
+        if self.node.stop_desk.control.demand is not Demand.NONE:
+            self.pull_bar()
+
+    def _pull_map(self) -> None:
+        self.main.show_floor(self.node.floor_picture())

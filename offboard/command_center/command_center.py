@@ -1,0 +1,226 @@
+"""Node `command_center`: status, log and whatever else people want to see of every module in; `OPERATION` out.
+
+`step` runs on the thread of the bus and only collects; the screen pulls `snapshot`, `floor_picture` and `take_log` a
+few times a second and never waits for the bus. The software stop goes through the desk (`stop_desk.py`).
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from math import hypot
+from typing import TypeVar
+
+import numpy as np
+
+from common.bus import Bus
+from common.codec import as_text
+from common.messages import (
+    CARRIER,
+    LOG,
+    MAP,
+    OPERATION,
+    PERMIT,
+    PLAN,
+    POI,
+    POSE,
+    STATUS,
+    TOPICS,
+    TRAJECTORY,
+    LogLine,
+    Operation,
+    OperatorCommand,
+    PlannerView,
+    PoseEstimate,
+    Topic,
+    Trajectory,
+)
+from common.status import StatusReporter
+from offboard.command_center import operations
+from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry
+from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
+from offboard.command_center.operations import Answer, PendingOperation
+from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
+from offboard.command_center.software_stop import look, robot_report
+from offboard.command_center.stop_desk import StopDesk
+from offboard.recorder.map_assembly import MapAssembly
+
+LOG_WAITING_MAX = 5000  # entries kept for a screen that is slow to fetch them
+TRAIL_STEP_M = 0.2
+TRAIL_MAX = 20_000
+# The specification's eight along the way of the data, with the two processes that it does not know beside their kin
+SHOWN_MODULES = ("sim", "car", "bridge", "mmu", "planner", "poi", "comm", "recorder", "visualizer", "command_center")
+# The clock is no message of the robot; log lines are in the log anyway
+MESSAGE_TOPICS = tuple(t for t in TOPICS if t.producer != "clock" and t.payload is not LogLine)
+_OWN_TOPICS = frozenset({MAP.key, TRAJECTORY.key, POSE.key, POI.key, *(topic.key for topic in STATUS.values())})
+
+P = TypeVar("P")
+_log = logging.getLogger("command_center")
+
+
+class CommandCenter:
+    """The node. `clock` is the time that `step` is given too: people press keys between two steps.
+
+    `findings`: points of interest by their id that were found before this program was started.
+    """
+
+    name = "command_center"
+    period_s = 0.05
+
+    def __init__(self, clock: Callable[[], float], findings: Mapping[int, Finding] | None = None) -> None:
+        self.stop_desk = StopDesk(clock)
+        self._clock = clock
+        self._lock = threading.Lock()  # all that `step` collects and the screen reads
+        self._snapshot = Snapshot(clock())
+        self._status = StatusReporter(self.name)
+        self._rates = {module: RateMeter() for module in SHOWN_MODULES}
+        self._logs: deque[LogEntry] = deque()
+        self._dropped = 0
+        self._told_topics: frozenset[str] = frozenset()
+        self._joined_topics: frozenset[str] = frozenset()
+        self._map = MapAssembly()
+        self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_MAX)
+        self._findings = dict(findings or {})
+        self._pending: PendingOperation | None = None
+        self._pending_due_s = float("-inf")
+        self._result: OperationResult | None = None
+
+    # The thread of the bus
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        report = robot_report(bus, now_s)
+        control = self.stop_desk.hear(report, now_s)
+        with self._lock:
+            self._take_logs(bus, now_s)
+            for update in self._take(bus, MAP, now_s):
+                self._map.add(update)
+            for trajectory in self._take(bus, TRAJECTORY, now_s):
+                self._redraw_trail(trajectory)
+            for pose in self._take(bus, POSE, now_s):
+                self._extend_trail(pose)
+            for poi in self._take(bus, POI, now_s):
+                self._findings[poi.poi_id] = Finding(poi.number, poi.x_m, poi.y_m)
+            self._operate(bus, now_s)
+            self._snapshot = Snapshot(
+                now_s,
+                rows=tuple(self._row(bus, module, now_s) for module in SHOWN_MODULES),
+                control=control,
+                report=report,
+                permit=bus.latest(PERMIT),
+                pose=bus.latest(POSE),
+                pose_age_s=bus.age_s(POSE),
+                carrier=bus.latest(CARRIER),
+                carrier_age_s=bus.age_s(CARRIER),
+                view=bus.latest(PLAN),
+                view_age_s=bus.age_s(PLAN),
+                findings=tuple(self._findings.values()),
+                operation=self._result,
+                lines_dropped=self._dropped,
+            )
+        self._status.report(bus, now_s, state=look(control, report, now_s).name, ready=True)
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    # The thread of the screen
+
+    def snapshot(self) -> Snapshot:
+        """The newest picture, with the demand as it is at this very moment."""
+        with self._lock:
+            snapshot = self._snapshot
+        return replace(snapshot, now_s=self._clock(), control=self.stop_desk.control)
+
+    def take_log(self) -> list[LogEntry]:
+        """Every entry since the last call, oldest first."""
+        with self._lock:
+            entries = list(self._logs)
+            self._logs.clear()
+        return entries
+
+    def floor_picture(self) -> FloorPicture:
+        with self._lock:
+            walls_m, inferred = self._map.known()
+            trail_m = np.array(self._trail, dtype=np.float64).reshape(-1, 2)
+            snapshot = self._snapshot
+        way_m = snapshot.view.path_m if snapshot.view is not None else np.zeros((0, 2), np.float32)
+        live = freshness(snapshot.pose_age_s) is Freshness.LIVE
+        return FloorPicture(walls_m, inferred, trail_m, way_m, snapshot.findings, snapshot.pose, live)
+
+    def show_messages(self, topics: frozenset[str]) -> None:
+        """From now on every message of these topics comes with the log."""
+        with self._lock:
+            self._told_topics = topics
+            self._joined_topics |= topics
+
+    def operate(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
+        """Ask the Planner for something; a newer wish replaces one that is not taken yet."""
+        now_s = self._clock()
+        command = OperatorCommand(now_s, operation, x_m, y_m, command_id=operations.new_command_id(secrets.randbits))
+        with self._lock:
+            serial = self._result.serial + 1 if self._result is not None else 1
+            self._pending, self._pending_due_s = PendingOperation(command, now_s), now_s
+            self._result = OperationResult(serial, operation.value, Answer.WAITING, "")
+        _log.info("operation=%s x_m=%.2f y_m=%.2f", operation.value, x_m, y_m)
+
+    # Parts of `step`
+
+    def _take(self, bus: Bus, topic: Topic[P], now_s: float) -> list[P]:
+        messages = bus.take(topic)
+        if topic.key in self._told_topics:
+            for payload in messages:
+                text = as_text(topic.producer, self.name, payload)
+                self._keep(LogEntry(now_s, topic.producer, topic.key, MESSAGE_LEVEL, text, text))
+        return messages
+
+    def _take_logs(self, bus: Bus, now_s: float) -> None:
+        for module, topic in LOG.items():
+            for line in bus.take(topic):
+                text = as_text(module, self.name, line)
+                self._keep(LogEntry(now_s, module, topic.key, line.level, text, line.text))
+        for other in MESSAGE_TOPICS:
+            if other.key in self._joined_topics and other.key not in _OWN_TOPICS:
+                self._take(bus, other, now_s)
+
+    def _keep(self, entry: LogEntry) -> None:
+        if len(self._logs) >= LOG_WAITING_MAX:
+            self._logs.popleft()
+            self._dropped += 1
+        self._logs.append(entry)
+
+    def _row(self, bus: Bus, module: str, now_s: float) -> ModuleRow:
+        topic, meter = STATUS[module], self._rates[module]
+        meter.add(len(self._take(bus, topic, now_s)), now_s)
+        return ModuleRow(module, bus.latest(topic), bus.age_s(topic), meter.rate_hz(now_s))
+
+    def _redraw_trail(self, trajectory: Trajectory) -> None:
+        """The past was corrected, or this program has just joined."""
+        self._trail.clear()
+        self._trail.extend((float(x), float(y)) for x, y, _ in trajectory.poses.reshape(-1, 3))
+
+    def _extend_trail(self, pose: PoseEstimate) -> None:
+        if pose.valid:
+            last = self._trail[-1] if self._trail else None
+            if last is None or hypot(pose.x_m - last[0], pose.y_m - last[1]) >= TRAIL_STEP_M:
+                self._trail.append((pose.x_m, pose.y_m))
+
+    def _operate(self, bus: Bus, now_s: float) -> None:
+        # Joined from the beginning: the answer to the first command must not get lost on the way
+        view: PlannerView | None = bus.latest(PLAN)
+        if self._pending is None or self._result is None:
+            return
+        answer = self._pending.answer(view.command_id if view is not None else None, now_s)
+        if answer is Answer.WAITING:
+            if now_s >= self._pending_due_s:
+                self._pending_due_s = now_s + operations.REPEAT_S
+                bus.publish(OPERATION, self._pending.command)
+            return
+        permit = bus.latest(PERMIT)
+        sources = permit.stop_sources if permit is not None else ()
+        sentence = operations.result_sentence(self._result.operation, answer, sources)
+        self._result = replace(self._result, answer=answer, sentence=sentence)
+        self._pending = None
+        _log.info("operation=%s answer=%s", self._result.operation, answer.name)

@@ -1,0 +1,87 @@
+"""The small map: walls, trail and robot as coloured half blocks. Pure.
+
+Every character cell shows two squares, one above the other, so that a square of the floor stays a square.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+
+from offboard.command_center.snapshot import FloorPicture
+
+# Later ones are drawn over earlier ones
+EMPTY, WAY, TRAIL, INFERRED, WALL = range(5)
+ARROWS = "→↗↑↖←↙↓↘"
+MIN_SQUARE_M = 0.1
+MARGIN_M = 0.5
+
+Codes = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """`codes` (2 * rows, columns), top row first; signs that stand instead of a character cell, by (row, column)."""
+
+    codes: Codes
+    square_m: float
+    findings: frozenset[tuple[int, int]]
+    robot: tuple[int, int] | None
+    arrow: str
+
+    @property
+    def rows(self) -> int:
+        return len(self.codes) // 2
+
+
+def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
+    """The floor as large as it fits into so many character cells, y up."""
+    codes = np.zeros((2 * rows, columns), np.uint8)
+    pose = picture.pose
+    known = [picture.walls_m.astype(np.float64), picture.trail_m]
+    if pose is not None:
+        known.append(np.array([[pose.x_m, pose.y_m]]))
+    points = np.concatenate([p.reshape(-1, 2) for p in known])
+    if not len(points):
+        return Raster(codes, MIN_SQUARE_M, frozenset(), None, "")
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    square_m = float(max(MIN_SQUARE_M, (high[0] - low[0]) / columns, (high[1] - low[1]) / (2 * rows)))
+    origin = (low + high) / 2 - square_m * np.array([columns, 2 * rows]) / 2
+
+    def squares(positions: npt.NDArray[np.floating]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        scaled = np.floor((positions.reshape(-1, 2) - origin) / square_m).astype(np.int64)
+        inside = (scaled >= 0).all(axis=1) & (scaled < [columns, 2 * rows]).all(axis=1)
+        scaled = scaled[inside]
+        return 2 * rows - 1 - scaled[:, 1], scaled[:, 0]
+
+    inferred = picture.inferred.astype(bool)
+    for positions, code in (
+        (_densified(picture.way_m, pose, square_m), WAY),
+        (picture.trail_m, TRAIL),
+        (picture.walls_m[inferred], INFERRED),
+        (picture.walls_m[~inferred], WALL),
+    ):
+        codes[squares(positions)] = code
+    found = squares(np.array([[f.x_m, f.y_m] for f in picture.findings], dtype=np.float64))
+    findings = frozenset(zip((found[0] // 2).tolist(), found[1].tolist(), strict=True))
+    robot, arrow = None, ""
+    if pose is not None:
+        row, column = squares(np.array([[pose.x_m, pose.y_m]]))
+        if len(row):
+            robot = (int(row[0]) // 2, int(column[0]))
+        arrow = ARROWS[round(pose.heading_rad / (pi / 4)) % 8]
+    return Raster(codes, square_m, findings, robot, arrow)
+
+
+def _densified(way_m: npt.NDArray[np.float32], pose: object, square_m: float) -> npt.NDArray[np.float64]:
+    """Points along the way so near to each other that they leave no gap."""
+    corners = way_m.reshape(-1, 2).astype(np.float64)
+    x_m, y_m = getattr(pose, "x_m", None), getattr(pose, "y_m", None)
+    if x_m is not None and y_m is not None and len(corners):
+        corners = np.concatenate([[[x_m, y_m]], corners])
+    pieces = [np.linspace(a, b, 2 + int(np.hypot(*(b - a)) / square_m)) for a, b in pairwise(corners)]
+    return np.concatenate(pieces) if pieces else corners

@@ -1,0 +1,53 @@
+"""Where `goto` leads: a door by its number, or metres on the map. The doors of a run come from its `pois.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from offboard.command_center.snapshot import Finding
+from offboard.recorder.run_folder import POIS_NAME, read_pois
+
+
+class UnknownPlace(ValueError):
+    """Nobody knows where that is: one sentence."""
+
+
+def coordinates(text: str) -> tuple[float, float] | None:
+    """The place that X,Y names in metres; None where it is the number of a door. Raises UnknownPlace."""
+    if "," not in text:
+        return None
+    try:
+        x_m, y_m = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise UnknownPlace(f"A place is written X,Y in metres, for example 3.5,-1; not {text}.") from error
+    return x_m, y_m
+
+
+def find_place(text: str, findings: Iterable[Finding]) -> tuple[float, float]:
+    """Position of the door with that number, or of X,Y; raises UnknownPlace."""
+    place = coordinates(text)
+    if place is not None:
+        return place
+    doors = {finding.number.casefold(): finding for finding in findings if finding.number}
+    door = doors.get(text.strip().casefold())
+    if door is None:
+        known = ", ".join(sorted(finding.number for finding in doors.values()))
+        what = f"known are {known}" if known else "no number was read yet"
+        raise UnknownPlace(f"There is no door {text.strip() or '(nothing)'}: {what}; or write X,Y in metres.")
+    return door.x_m, door.y_m
+
+
+def findings_of_run(run_dir: Path) -> dict[int, Finding]:
+    """By their id, what the recorder has written down so far; empty where there is nothing."""
+    return {
+        record["poi_id"]: Finding(str(record["number"]), float(record["x_m"]), float(record["y_m"]))
+        for record in read_pois(run_dir / POIS_NAME)
+    }
+
+
+def run_folder_of(config: Path | None) -> Path | None:
+    """The run folder that a mesh's robot.toml stands in, `<run folder>/process/robot.toml`; None where it does not."""
+    if config is None or config.resolve().parent.name != "process":
+        return None
+    return config.resolve().parent.parent

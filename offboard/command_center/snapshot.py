@@ -1,0 +1,69 @@
+"""Everything that the screen shows at one moment, as one value: made by the node, read by the widgets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from common.messages import CarrierReport, Permit, PlannerView, PoseEstimate
+from offboard.command_center.module_watch import ModuleRow
+from offboard.command_center.operations import Answer
+from offboard.command_center.software_stop import Look, RobotReport, StopControl, look
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A point of interest, as the map and `goto` need it."""
+
+    number: str
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class OperationResult:
+    """How the newest command to the mission fared; `serial` grows with every command."""
+
+    serial: int
+    operation: str
+    answer: Answer
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Ages count to `now_s`, the local monotonic clock; infinite where nothing came."""
+
+    now_s: float
+    rows: tuple[ModuleRow, ...] = ()
+    control: StopControl = field(default_factory=StopControl)
+    report: RobotReport = field(default_factory=RobotReport)
+    permit: Permit | None = None
+    pose: PoseEstimate | None = None
+    pose_age_s: float = float("inf")
+    carrier: CarrierReport | None = None
+    carrier_age_s: float = float("inf")
+    view: PlannerView | None = None
+    view_age_s: float = float("inf")
+    findings: tuple[Finding, ...] = ()
+    operation: OperationResult | None = None
+    lines_dropped: int = 0
+
+    @property
+    def look(self) -> Look:
+        return look(self.control, self.report, self.now_s)
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPicture:
+    """What the small map is drawn from, in metres of the map's frame."""
+
+    walls_m: npt.NDArray[np.float32]  # (N, 2)
+    inferred: npt.NDArray[np.uint8]  # (N,)
+    trail_m: npt.NDArray[np.float64]  # (M, 2)
+    way_m: npt.NDArray[np.float32]  # (W, 2) what the Planner wants to drive
+    findings: tuple[Finding, ...]
+    pose: PoseEstimate | None
+    pose_live: bool

@@ -1,0 +1,106 @@
+"""One row per module: state, error and what to do, memory, rate, age."""
+
+from __future__ import annotations
+
+from rich.text import Text
+from textual.widgets import DataTable
+
+from common.messages import MODULES
+from offboard.command_center.command_center import SHOWN_MODULES
+from offboard.command_center.module_watch import Freshness, ModuleRow
+from offboard.command_center.snapshot import Snapshot
+
+# Key, heading and width; the last one is cut off by the edge of the table
+COLUMNS = (
+    ("module", "module", 14),
+    ("code", "", 3),
+    ("state", "state", 10),
+    ("age", "age", 12),
+    ("memory", "memory", 7),
+    ("rate", "rate", 5),
+    ("error", "error → what to do", 100),
+)
+_TITLES = {module: code for code, module in MODULES.items()}
+_DIM, _BAD, _GOOD = "#6e7681", "bold #ff7b72", "#7ee787"
+_UNIT = 1024
+
+
+def age_text(age_s: float) -> str:
+    """Short; an age of a live value is no news."""
+    if age_s < 60:
+        return f"{age_s:.1f} s"
+    return f"{age_s / 60:.0f} min" if age_s < 3600 else f"{age_s / 3600:.0f} h"
+
+
+def memory_text(memory_kb: int) -> str:
+    return f"{memory_kb} kB" if memory_kb < 10 * _UNIT else f"{memory_kb / _UNIT:.0f} MB"
+
+
+def cells(row: ModuleRow) -> tuple[Text, ...]:
+    """What the row shows, in the order of COLUMNS. What is old is dimmed and says so."""
+    status, fresh = row.status, row.freshness
+    old = _DIM if fresh is not Freshness.LIVE else ""
+    name = Text(row.module.replace("_", " "), style=old or "bold")
+    code = Text(_TITLES.get(row.module, ""), style=_DIM)
+    if status is None:
+        return name, code, Text("–", _DIM), Text("never heard", _DIM), Text("–", _DIM), Text("–", _DIM), Text("")
+    state = Text(status.state, style=old or ("" if status.ready else "#e3b341"))
+    memory = Text(memory_text(status.memory_kb), style=old, justify="right")
+    rate = Text(f"{row.rate_hz:.0f} Hz", style=old, justify="right")
+    if fresh is Freshness.LIVE:
+        age = Text("● live", style=_GOOD)
+    else:
+        age = Text(f"{fresh.value} {age_text(row.age_s)}", style=_BAD)
+    return name, code, state, age, memory, rate, _error(row, old)
+
+
+def _error(row: ModuleRow, old: str) -> Text:
+    assert row.status is not None
+    if not row.status.error_code:
+        return Text(row.status.detail or "ok", style=_DIM)
+    meaning, action = row.error
+    text = Text(f"{row.status.error_code} ", style=old or _BAD)
+    text.append(meaning, style=old or "#ffa198")
+    text.append(f" → {action}", style=old or "#e3b341")
+    return text
+
+
+def explanation(row: ModuleRow) -> str:
+    """What a person should know about the module; empty where all is well."""
+    if row.status is None or not row.status.error_code:
+        return ""
+    meaning, action = row.error
+    return f"{row.module}: {row.status.error_code} {meaning} → {action}"
+
+
+class ModuleTable(DataTable[Text]):
+    """Rewrites only the cells that changed."""
+
+    def __init__(self) -> None:
+        super().__init__(id="modules", cursor_type="row", zebra_stripes=False, cell_padding=1)
+        self._shown: dict[str, tuple[Text, ...]] = {}
+
+    def on_mount(self) -> None:
+        for key, heading, width in COLUMNS:
+            self.add_column(heading, key=key, width=width)
+        for module in SHOWN_MODULES:
+            row = tuple(Text("") for _ in COLUMNS)
+            self.add_row(*row, key=module)
+
+    @property
+    def marked_module(self) -> str:
+        return SHOWN_MODULES[self.cursor_row]
+
+    def show(self, snapshot: Snapshot) -> None:
+        for row in snapshot.rows:
+            new = cells(row)
+            old = self._shown.get(row.module)
+            for i, (key, _, _) in enumerate(COLUMNS):
+                if old is None or old[i] != new[i] or old[i].style != new[i].style:
+                    self.update_cell(row.module, key, new[i])
+            self._shown[row.module] = new
+        live = sum(row.freshness is Freshness.LIVE for row in snapshot.rows)
+        self.border_title = f"MODULES {live}/{len(snapshot.rows)} live"
+        marked = snapshot.rows[self.cursor_row] if snapshot.rows else None
+        # The marked row's words in full: its cell may be too narrow for them
+        self.border_subtitle = explanation(marked) if marked is not None else ""

@@ -1,0 +1,62 @@
+"""comm's own newest messages as the recorder hears them live. Pure.
+
+What the other modules say, they still have when comm is killed. What comm itself said in the moments before, and had
+not yet written into its outbox, would be gone: these copies are stored once the outbox shows that a new comm runs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import takewhile
+
+from common.frames import Frame, Known
+
+COPIES_MAX = 2048  # per topic; more than comm says while its rows are on their way
+
+
+class LiveCopies:
+    def __init__(self, keys: Iterable[str], delivered: Mapping[tuple[str, int], int]) -> None:
+        """`delivered`: what the database holds of these topics."""
+        self._copies: dict[str, deque[Frame]] = {key: deque(maxlen=COPIES_MAX) for key in keys}
+        self._delivered: Known = dict(delivered)
+
+    def keep(self, frames: Iterable[Frame]) -> list[Frame]:
+        """Takes the copies; returns the frames that are none."""
+        others = []
+        for frame in frames:
+            if frame.key in self._copies:
+                self._copies[frame.key].append(frame)
+            else:
+                others.append(frame)
+        return others
+
+    def complete(self, frames: Sequence[Frame]) -> list[Frame]:
+        """What the outbox delivers, with what an earlier comm could not put into it before its own successor's."""
+        completed: list[Frame] = []
+        for frame in frames:
+            if frame.key in self._copies:
+                completed += self._orphans(frame.key, frame.boot_id)
+                self._note(frame)
+            completed.append(frame)
+        for copies in self._copies.values():
+            while copies and self._has(copies[0]):
+                copies.popleft()
+        return completed
+
+    def _orphans(self, key: str, boot_id: int) -> list[Frame]:
+        """Copies from before the first one of this boot: their comm is dead, and its outbox has said all it had."""
+        copies, orphans = self._copies[key], []
+        if any(copy.boot_id == boot_id for copy in copies):
+            for copy in takewhile(lambda copy: copy.boot_id != boot_id, copies):
+                if not self._has(copy):
+                    orphans.append(copy)
+                    self._note(copy)
+        return orphans
+
+    def _has(self, frame: Frame) -> bool:
+        return frame.sequence <= self._delivered.get((frame.key, frame.boot_id), 0)
+
+    def _note(self, frame: Frame) -> None:
+        source = (frame.key, frame.boot_id)
+        self._delivered[source] = max(self._delivered.get(source, 0), frame.sequence)

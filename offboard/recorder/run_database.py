@@ -1,0 +1,192 @@
+"""Reading a run database: messages of a topic, newest of each, log and status history, points of interest.
+
+For the visualizer, the command center, `runs` and `export`; also while the recorder writes, from any process.
+The schema stands in `run_schema`.
+
+    with RunReader(run_dir) as run:
+        for message in run.messages(POSE):
+            message.payload.x_m
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, TypeVar
+
+from common.codec import DecodeError, as_text, decode
+from common.messages import LOG, POI, STATUS, LogLine, PointOfInterest, Status, Topic
+from offboard.recorder.run_folder import DATABASE_NAME
+from offboard.recorder.run_schema import TOPIC_OF_KEY, RunDatabaseError, check_version
+
+P = TypeVar("P")
+_BUSY_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Message(Generic[P]):
+    """A stored message, decoded. `row` grows with every message that is stored: read on after the newest one seen."""
+
+    row: int
+    topic: Topic[P]
+    boot_id: int
+    sequence: int
+    arrived_s: float
+    payload: P
+
+    def as_text(self, receiver: str) -> str:
+        """The universal text form: Sender_Receiver_TimeStamp_Message."""
+        return as_text(self.topic.producer, receiver, self.payload)
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    row: int
+    module: str
+    line: LogLine
+
+
+class RunReader:
+    """Read-only, on a run folder or its `run.sqlite`. One thread at a time. Raises RunDatabaseError at the opening."""
+
+    def __init__(self, run: Path) -> None:
+        file = run / DATABASE_NAME if run.is_dir() else run
+        if not file.is_file():
+            raise RunDatabaseError(f"There is no run database at {run}: `indoor-mapping runs` lists the runs.")
+        try:
+            self._database = sqlite3.connect(
+                f"file:{file.resolve().as_posix().replace('?', '%3f').replace('#', '%23')}?mode=ro",
+                uri=True,
+                timeout=_BUSY_S,
+                check_same_thread=False,
+            )
+            version = check_version(self._database, file)
+        except sqlite3.OperationalError as error:
+            raise RunDatabaseError(f"{file} cannot be read: {error}.") from error
+        if version == 0:
+            raise RunDatabaseError(f"{file} holds no run.")
+
+    def close(self) -> None:
+        self._database.close()
+
+    def __enter__(self) -> RunReader:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def messages(
+        self,
+        *topics: Topic[P],
+        after_row: int = 0,
+        since_s: float | None = None,
+        until_s: float | None = None,
+    ) -> Iterator[Message[P]]:
+        """The sound messages of these topics as they arrived, `t_s` within [since_s, until_s]."""
+        conditions = [f"topic IN ({', '.join('?' * len(topics))})", "row > ?", "problem IS NULL"]
+        values: list[Any] = [*(topic.key for topic in topics), after_row]
+        for limit, bound_s in (("t_s >= ?", since_s), ("t_s <= ?", until_s)):
+            if bound_s is not None:
+                conditions.append(limit)
+                values.append(bound_s)
+        query = (
+            "SELECT row, topic, boot_id, sequence, arrived_s, payload FROM messages"
+            f" WHERE {' AND '.join(conditions)} ORDER BY row"
+        )
+        for row in self._database.execute(query, values):
+            message: Message[P] | None = _message(*row)
+            if message is not None:
+                yield message
+
+    def latest(self, topic: Topic[P]) -> Message[P] | None:
+        """The message of a topic that arrived last; None when there is none."""
+        query = (
+            "SELECT row, topic, boot_id, sequence, arrived_s, payload FROM messages"
+            " WHERE topic = ? AND problem IS NULL ORDER BY row DESC LIMIT 1"
+        )
+        row = self._database.execute(query, (topic.key,)).fetchone()
+        message: Message[P] | None = _message(*row) if row is not None else None
+        return message
+
+    def display_data(self, after_row: int = 0) -> Iterator[Message[Any]]:
+        """All messages that are new since a row, for the views of the command center."""
+        return self.messages(*TOPIC_OF_KEY.values(), after_row=after_row)
+
+    def logs(
+        self,
+        *modules: str,
+        levels: tuple[str, ...] = (),
+        containing: str = "",
+        after_row: int = 0,
+        limit: int | None = None,
+    ) -> list[LogEntry]:
+        """Log lines of these modules (of all, when none is named), oldest first; with a limit, the newest so many."""
+        topics = [LOG[module] for module in modules or LOG]
+        found = [
+            LogEntry(message.row, message.topic.producer, message.payload)
+            for message in self.messages(*topics, after_row=after_row)
+            if (not levels or message.payload.level in levels) and containing.lower() in message.payload.text.lower()
+        ]
+        return found if limit is None else found[max(0, len(found) - limit) :]
+
+    def statuses(self, module: str, *, changes_only: bool = False) -> Iterator[Message[Status]]:
+        """The status history of a module; only where state, error code or readiness changed, if asked for."""
+        last: tuple[str, int, bool] | None = None
+        for message in self.messages(STATUS[module]):
+            current = (message.payload.state, message.payload.error_code, message.payload.ready)
+            if not changes_only or current != last:
+                yield message
+            last = current
+
+    def pois(self) -> list[PointOfInterest]:
+        """The newest record of every point of interest, with its newest photo."""
+        newest: dict[int, PointOfInterest] = {}
+        for message in self.messages(POI):
+            poi, old = message.payload, newest.get(message.payload.poi_id)
+            if not poi.photo_jpeg and old is not None:
+                poi = replace(poi, photo_jpeg=old.photo_jpeg)
+            newest[poi.poi_id] = poi
+        return list(newest.values())
+
+    def counts(self) -> dict[str, int]:
+        """How many messages there are of each topic, undecodable ones included."""
+        return dict(self._database.execute("SELECT topic, count(*) FROM messages GROUP BY topic"))
+
+    def senders(self) -> dict[tuple[str, int], tuple[int, int]]:
+        """(topic, boot id) -> newest sequence number and how many messages there are."""
+        query = "SELECT topic, boot_id, max(sequence), count(*) FROM messages GROUP BY topic, boot_id"
+        return {(topic, boot_id): (newest, count) for topic, boot_id, newest, count in self._database.execute(query)}
+
+    def dropped(self) -> dict[tuple[str, int], int]:
+        """(topic, boot id) -> how many messages never came, and are known not to."""
+        rows = self._database.execute("SELECT topic, boot_id, count FROM dropped")
+        return {(topic, boot_id): count for topic, boot_id, count in rows}
+
+    def problems(self) -> dict[str, int]:
+        """Topic -> how many stored messages cannot be decoded."""
+        query = "SELECT topic, count(*) FROM messages WHERE problem IS NOT NULL GROUP BY topic"
+        return dict(self._database.execute(query))
+
+    def dates(self) -> list[str]:
+        """Wall times at which a recorder began or went on, ISO 8601; none for a run in lockstep."""
+        return [date for (date,) in self._database.execute("SELECT date FROM starts ORDER BY number")]
+
+    def duration_s(self) -> float:
+        """From the first message to the last, on the recorder's clock."""
+        first_s, last_s = self._database.execute("SELECT min(arrived_s), max(arrived_s) FROM messages").fetchone()
+        return float(last_s - first_s) if first_s is not None else 0.0
+
+
+def _message(row: int, key: str, boot_id: int, sequence: int, arrived_s: float, payload: bytes) -> Message[Any] | None:
+    topic = TOPIC_OF_KEY.get(key)
+    if topic is None:
+        return None
+    try:
+        return Message(row, topic, boot_id, sequence, arrived_s, decode(payload, topic.payload).payload)
+    except DecodeError:
+        return None  # sound once, for a program of another version

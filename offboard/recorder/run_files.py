@@ -1,0 +1,142 @@
+"""The files of the run folder, made from what the run database holds: poses, map, points of interest, pictures.
+
+`trajectory.tum` grows with every pose; the rest is written when the recorder says so. What the disk refuses is kept
+here and tried again.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.messages import (
+    MAP,
+    PLAN,
+    POI,
+    POSE,
+    TRAJECTORY,
+    MapUpdate,
+    PlannerView,
+    PointOfInterest,
+    PoseEstimate,
+    Topic,
+)
+from common.messages import Trajectory as SmoothedTrajectory
+from offboard.recorder import run_folder
+from offboard.recorder.map_assembly import MapAssembly
+from offboard.tools.export import export_run
+
+EXPORT_FORMATS = ("svg", "png")
+TOPICS_OF_FILES: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, POI, PLAN)
+
+_log = logging.getLogger("recorder")
+
+
+def poi_record(poi: PointOfInterest, photo: str) -> dict[str, Any]:
+    """One entry of pois.json; `photo` is the picture's path inside the run folder, empty where there is none."""
+    kept = ("poi_id", "name", "description", "x_m", "y_m", "number", "room_type", "confidence", "state", "t_s")
+    return {name: getattr(poi, name) for name in kept} | {"photo": photo}
+
+
+class RunFiles:
+    """What the files shall hold. `take` payloads in the order of the database; the writers raise OSError."""
+
+    def __init__(self, run_dir: Path) -> None:
+        self.run_dir = run_dir
+        self.finished = False
+        self.map = MapAssembly()
+        self._lines: run_folder.LineFile | None = None
+        self._pending: list[str] = []  # poses that are not in the file yet
+        self._newest_pose_s = float("-inf")
+        self._trajectory: SmoothedTrajectory | None = None
+        self._pois: dict[int, dict[str, Any]] = {}
+        self._photos: dict[str, bytes] = {}  # by name, until they are on the disk
+        self._changed: set[str] = set()  # files that differ from what is here
+
+    def begin(self, payloads: Iterable[object]) -> None:
+        """Everything that the database holds already; the file of poses is made anew from it."""
+        for payload in payloads:
+            self.take(payload)
+        self._lines = run_folder.LineFile(self.run_dir / run_folder.TRAJECTORY_NAME)
+        if self._pending:
+            self._lines.cut()
+
+    def take(self, payload: object) -> None:
+        if isinstance(payload, PoseEstimate):
+            self._take_pose(payload)
+        elif isinstance(payload, MapUpdate):
+            self._take_map(payload)
+        elif isinstance(payload, SmoothedTrajectory):
+            self._trajectory = payload
+            self._changed.add(run_folder.SMOOTHED_NAME)
+        elif isinstance(payload, PointOfInterest):
+            self._take_poi(payload)
+        elif isinstance(payload, PlannerView):
+            self._take_view(payload)
+
+    def append_poses(self) -> None:
+        if self._lines is not None and self._pending:
+            self._lines.append(self._pending)
+            self._pending.clear()
+
+    def write(self) -> None:
+        """Every file that is not as it should be."""
+        for name in list(self._photos):
+            path = self.run_dir / name
+            path.parent.mkdir(exist_ok=True)
+            run_folder.write_atomically(path, self._photos[name])
+            del self._photos[name]
+        writers: dict[str, Callable[[Path], None]] = {
+            run_folder.MAP_POINTS_NAME: lambda path: run_folder.write_map_points(path, *self.map.known()),
+            run_folder.POIS_NAME: lambda path: run_folder.write_json(path, list(self._pois.values())),
+            run_folder.SMOOTHED_NAME: self._write_smoothed,
+        }
+        for name, write in writers.items():
+            path = self.run_dir / name
+            if name in self._changed or (name != run_folder.SMOOTHED_NAME and not path.exists()):
+                write(path)
+                self._changed.discard(name)
+
+    def draw(self) -> None:
+        """The pictures of the map, from the files."""
+        export_run(self.run_dir, EXPORT_FORMATS)
+
+    def close(self) -> None:
+        if self._lines is not None:
+            self._lines.close()
+            self._lines = None
+
+    def _take_pose(self, pose: PoseEstimate) -> None:
+        in_order = pose.t_s > self._newest_pose_s
+        if in_order and all(map(isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
+            self._newest_pose_s = pose.t_s
+            self._pending.append(run_folder.tum_line(pose.t_s, pose.x_m, pose.y_m, pose.heading_rad))
+
+    def _take_map(self, update: MapUpdate) -> None:
+        lost = self.map.add(update)
+        if lost:
+            _log.warning("map points were lost; the next whole map brings them points=%d", lost)
+        self._changed.add(run_folder.MAP_POINTS_NAME)
+
+    def _take_poi(self, poi: PointOfInterest) -> None:
+        photo = self._pois.get(poi.poi_id, {}).get("photo", "")
+        if poi.photo_jpeg:
+            photo = f"{run_folder.PHOTO_FOLDER}/poi_{poi.poi_id}.jpg"
+            self._photos[photo] = poi.photo_jpeg
+        self._pois[poi.poi_id] = poi_record(poi, photo)
+        self._changed.add(run_folder.POIS_NAME)
+
+    def _take_view(self, view: PlannerView) -> None:
+        if view.finished and not self.finished:
+            _log.info("mission finished poses_until_s=%.1f map_points=%d", self._newest_pose_s, len(self.map))
+        self.finished = view.finished
+
+    def _write_smoothed(self, path: Path) -> None:
+        if self._trajectory is not None:
+            times_s, poses = self._trajectory.times_s, self._trajectory.poses
+            run_folder.write_tum(path, np.asarray(times_s), np.asarray(poses).reshape(-1, 3))

@@ -1,0 +1,28 @@
+"""The process of the visualizer: `python -m offboard.visualizer [--run-dir DIR]`."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from pathlib import Path
+
+from common.config import Config
+from common.process import argument_parser, run
+from offboard.visualizer.feed import Feed
+from offboard.visualizer.poi_store import NoPois, RunFolderPois
+from offboard.visualizer.server import PageServer
+from offboard.visualizer.visualizer import Visualizer
+
+
+def make_visualizer(config: Config, arguments: argparse.Namespace) -> Visualizer:
+    feed = Feed(NoPois() if arguments.run_dir is None else RunFolderPois(arguments.run_dir))
+    server = PageServer(feed, config.visualizer.host, config.visualizer.port, config.robot.name)
+    logging.getLogger("visualizer").info("page address=%s", server.address)
+    return Visualizer(feed, server)
+
+
+if __name__ == "__main__":
+    parser = argument_parser("visualizer")
+    parser.add_argument("--run-dir", type=Path, help="run folder of the recorder, for what was found before the start")
+    sys.exit(run("visualizer", make_visualizer, parser=parser))

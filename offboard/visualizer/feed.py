@@ -1,0 +1,80 @@
+"""Where the node's thread and the server's thread meet: one `LiveModel` behind a lock, stamped by one clock.
+
+The node (or whoever plays back a recording) -> `take` -> `Feed` -> frames for each client, data for the exports. A
+client has one slot per channel, which is what it has seen: a slow one skips what is in between and never queues.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from common.messages import Status, Topic
+from offboard.recorder.run_folder import MapData
+from offboard.visualizer import protocol
+from offboard.visualizer.live_model import LiveModel
+from offboard.visualizer.poi_store import NoPois, PoiRecord, PoiStore
+
+
+class Feed:
+    """`clock` gives wall time in seconds: the page judges ages by it, also where the robot's own time is simulated."""
+
+    def __init__(self, store: PoiStore | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+        self.on_change: Callable[[], None] = lambda: None  # called by the taking thread; must only wake somebody
+        self._clock = clock
+        self._store = store or NoPois()
+        self._model = LiveModel()
+        self._lock = threading.Lock()
+
+    def take(self, topic: Topic[Any], message: Any) -> None:
+        with self._lock:
+            self._model.take(topic, message, self._clock())
+        # Statuses go out with the heartbeat: a hundred a second need wake nobody
+        if not isinstance(message, Status):
+            self.on_change()
+
+    def refresh_pois(self) -> None:
+        """Take in what the recorder has kept since the last call."""
+        records: Iterable[PoiRecord] | None = self._store.read()
+        if records is None:
+            return
+        with self._lock:
+            self._model.take_stored(records)
+        self.on_change()
+
+    def client(self) -> Client:
+        return Client(self._model, self._lock, self._clock)
+
+    def map_data(self) -> MapData:
+        with self._lock:
+            return self._model.map_data()
+
+    def photo(self, poi_id: int) -> bytes | None:
+        """The newest photo of a point of interest, as JPEG."""
+        with self._lock:
+            live = self._model.photos.get(poi_id)
+        return live if live is not None else self._store.photo(poi_id)
+
+
+class Client:
+    """What one page has seen."""
+
+    def __init__(self, model: LiveModel, lock: threading.Lock, clock: Callable[[], float]) -> None:
+        self._model, self._lock, self._clock = model, lock, clock
+        self._seen: protocol.Seen = {}
+        self._skipped = 0
+
+    def changes(self) -> list[protocol.Frame]:
+        """The frames of what is new to this client."""
+        with self._lock:
+            before = self._seen.get("pose")
+            frames = list(protocol.changes(self._model, self._seen, self._clock()))
+            if before is not None:
+                self._skipped += max(0, self._seen["pose"][0] - before[0] - 1)
+            return frames
+
+    def heartbeat(self) -> protocol.Frame:
+        with self._lock:
+            return protocol.heartbeat(self._model, self._clock(), self._skipped)

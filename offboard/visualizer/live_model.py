@@ -1,0 +1,166 @@
+"""What the page shows, as values: the newest of every message, the map so far, the trail, the points of interest.
+
+Messages of the bus (or of a recording that is played back) and their arrival times -> `LiveModel`. Pure: no clock, no
+thread. `tokens` says what has changed: a client that has seen a channel's token has seen all of it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from itertools import count
+from math import hypot, inf, isfinite
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.geometry import FloatArray
+from common.messages import (
+    GRID,
+    MAP,
+    ON_ROBOT,
+    PERMIT,
+    PLAN,
+    POI,
+    POSE,
+    TRAJECTORY,
+    GridUpdate,
+    MapUpdate,
+    Permit,
+    PlannerView,
+    PointOfInterest,
+    PoseEstimate,
+    Status,
+    Topic,
+    Trajectory,
+)
+from offboard.recorder.map_assembly import MapAssembly
+from offboard.recorder.run_folder import MapData
+from offboard.tools.map_frame import frame
+from offboard.visualizer.poi_store import PoiRecord, record_of
+
+TRAIL_STEP_M = 0.05
+
+Token = tuple[int, int]
+
+
+class LiveModel:
+    """`take` every message; read the fields.
+
+    Times of arrival (seconds, the receiver's clock) by name: "pose", "robot" for anything from the robot, and the
+    modules' own names for their statuses.
+    """
+
+    def __init__(self) -> None:
+        self.pose: PoseEstimate | None = None
+        self.plan: PlannerView | None = None
+        self.permit: Permit | None = None
+        self.grid: GridUpdate | None = None
+        self.statuses: dict[str, Status] = {}
+        self.pois: dict[int, PoiRecord] = {}
+        self.photos: dict[int, bytes] = {}  # until the store has them
+        self.points_m: npt.NDArray[np.float32] = np.empty((0, 2), np.float32)
+        self.inferred: npt.NDArray[np.uint8] = np.empty(0, np.uint8)
+        self.tokens: dict[str, Token] = {"map": (0, 0), "pois": (0, 0)}
+        self.arrived_s: dict[str, float] = {}
+        self._versions = count(1)
+        self._assembly = MapAssembly()
+        self._smoothed: FloatArray = np.empty((0, 3))
+        self._since: list[tuple[float, float, float, float]] = []  # t, x, y, heading since the smoothed path ends
+        self._takers: dict[str, Callable[[Any], None]] = {
+            POSE.key: self._take_pose,
+            MAP.key: self._take_map,
+            TRAJECTORY.key: self._take_trajectory,
+            POI.key: self._take_poi,
+            PLAN.key: lambda plan: self._replace("plan", plan),
+            PERMIT.key: lambda permit: self._replace("permit", permit),
+            GRID.key: lambda grid: self._replace("grid", grid),
+        }
+
+    def take(self, topic: Topic[Any], message: Any, arrived_s: float) -> None:
+        """A message that arrived at `arrived_s`. A place that is no number is as good as no message."""
+        if isinstance(message, (PoseEstimate, PointOfInterest)) and not isfinite(message.x_m + message.y_m):
+            return
+        if topic.producer in ON_ROBOT:
+            self.arrived_s["robot"] = arrived_s
+        if isinstance(message, Status):
+            self.statuses[topic.producer] = message
+            self.arrived_s[topic.producer] = arrived_s
+            return
+        if topic is POSE:
+            self.arrived_s["pose"] = arrived_s
+        self._takers[topic.key](message)
+
+    def take_stored(self, records: Iterable[PoiRecord]) -> None:
+        """Points of interest as the recorder has kept them; what came live and is newer stays."""
+        for record in records:
+            known = self.pois.get(record.poi_id)
+            if known is not None and known.t_s > record.t_s:
+                continue
+            if known != record:
+                self.pois[record.poi_id] = record
+                self._changed("pois")
+            if record.has_photo:
+                self.photos.pop(record.poi_id, None)
+
+    def age_s(self, name: str, now_s: float) -> float | None:
+        """How long ago something of this name arrived; None when nothing ever did."""
+        arrived_s = self.arrived_s.get(name)
+        return None if arrived_s is None else max(0.0, now_s - arrived_s)
+
+    def trail(self) -> FloatArray:
+        """The way driven, (K, 3) x, y, heading: smoothed as far as that reaches, then as it was driven."""
+        driven = np.array([pose[1:] for pose in self._since]).reshape(-1, 3)
+        return np.concatenate([self._smoothed, driven])
+
+    def map_data(self) -> MapData:
+        """All of it, as the exports take it."""
+        pois = [dataclasses.asdict(record) for record in self.pois.values()]
+        return MapData(self.points_m.astype(np.float64), self.inferred, self.trail(), pois)
+
+    def base_point(self) -> tuple[float, float]:
+        """Lower left corner of the drawing in map coordinates (VSL_MR_03); the same as in the exports."""
+        x0_m, y0_m, _, _ = frame(self.map_data())
+        return x0_m, y0_m
+
+    def _changed(self, channel: str) -> None:
+        self.tokens[channel] = (next(self._versions), 0)
+
+    def _replace(self, channel: str, message: Any) -> None:
+        setattr(self, channel, message)
+        self._changed(channel)
+
+    def _take_pose(self, pose: PoseEstimate) -> None:
+        # Counted, so that a client can tell how many it was too slow for
+        self.tokens["pose"] = (self.tokens.get("pose", (0, 0))[0] + 1, 0)
+        self.tokens.setdefault("trail", (0, 0))
+        self.pose = pose
+        place = (pose.x_m, pose.y_m)
+        if not self._since or hypot(place[0] - self._since[-1][1], place[1] - self._since[-1][2]) >= TRAIL_STEP_M:
+            self._since.append((pose.t_s, *place, pose.heading_rad))
+
+    def _take_map(self, update: MapUpdate) -> None:
+        epoch, _ = self.tokens["map"]
+        if update.start < len(self._assembly):
+            epoch += 1
+        self._assembly.add(update)
+        self.points_m, self.inferred = self._assembly.known()
+        self.tokens["map"] = (epoch, len(self.points_m))
+
+    def _take_trajectory(self, trajectory: Trajectory) -> None:
+        self._smoothed = np.asarray(trajectory.poses, np.float64).reshape(-1, 3)
+        times_s = np.asarray(trajectory.times_s)
+        until_s = float(times_s[-1]) if len(times_s) else -inf
+        self._since = [pose for pose in self._since if pose[0] > until_s]
+        self._changed("trail")
+
+    def _take_poi(self, poi: PointOfInterest) -> None:
+        record = record_of(poi)
+        known = self.pois.get(poi.poi_id)
+        if poi.photo_jpeg:
+            self.photos[poi.poi_id] = poi.photo_jpeg
+        elif known is not None and known.has_photo:
+            record = dataclasses.replace(record, has_photo=True)
+        self.pois[poi.poi_id] = record
+        self._changed("pois")

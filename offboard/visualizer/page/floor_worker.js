@@ -1,0 +1,14 @@
+// The occupancy grid, unpacked beside the page's own thread: compressed cells -> a bitmap of the free floor.
+// 0 unknown, 1 free, 2 wall; row 0 lies at the smallest y.
+
+onmessage = async ({ data: { body, rows, columns, colour } }) => {
+  const stream = new Blob([body]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const cells = new Uint8Array(await new Response(stream).arrayBuffer());
+  const image = new ImageData(columns, rows);
+  const pixels = new Uint32Array(image.data.buffer);
+  const [red, green, blue] = colour;
+  const free = (255 << 24) | (blue << 16) | (green << 8) | red;
+  for (let k = 0; k < pixels.length; k++) if (cells[k] !== 0) pixels[k] = free;
+  const bitmap = await createImageBitmap(image);
+  postMessage({ bitmap }, [bitmap]);
+};

@@ -1,0 +1,125 @@
+// Joins the parts of the page: link -> model -> map, markers, list, dialog, panel.
+
+import { Gestures } from "./gestures.js";
+import { Link } from "./link.js";
+import { MapView } from "./map_view.js";
+import { Markers } from "./markers.js";
+import { Model } from "./model.js";
+import { Panel } from "./panel.js";
+import { PoiDialog } from "./poi_dialog.js";
+import { PoiList } from "./poi_list.js";
+import { ScreenScale } from "./screen_scale.js";
+
+const AGE_PERIOD_MS = 200;
+const CLOSE_UP = 34; // CSS pixels per metre, to look at a point of interest
+const $ = (id) => document.getElementById(id);
+
+const model = new Model();
+const panel = new Panel(model);
+const screenScale = new ScreenScale(() => showTools());
+let selected = null;
+
+const open = (id) => dialog.open(id);
+const markers = new Markers($("markers"), open);
+const list = new PoiList(open);
+const map = new MapView($("stage"), model, () => {
+  markers.place(map.view, selected);
+  showTools();
+});
+const gestures = new Gestures(map, showTools);
+const dialog = new PoiDialog({
+  find: (id) => model.pois.find((poi) => poi.poi_id === id),
+  neighbours: () => list.shown,
+  place: (poi) => `${panel.words(poi)} from the lower left corner; goto ${poi.x_m.toFixed(2)},${poi.y_m.toFixed(2)}`,
+  show: centre,
+  onSelect: (id) => {
+    selected = id ?? selected;
+    list.select(selected);
+    map.draw(false);
+  },
+});
+
+function centre(poi, focus = false) {
+  map.mode = "free";
+  [map.view.x, map.view.y] = [poi.x_m, poi.y_m];
+  map.view.scale = Math.max(map.view.scale, CLOSE_UP);
+  map.draw();
+  if (!focus) return;
+  $("stage").scrollIntoView({ block: "nearest" });
+  document.querySelector(`.marker[data-poi="${poi.poi_id}"]`)?.focus();
+}
+
+function take(channel, message) {
+  model.take(channel, message);
+  if (channel === "pois") {
+    markers.set(model.pois);
+    list.set(model.pois);
+    dialog.refresh();
+    dialog.followAddress();
+  }
+  if (channel === "grid") map.redecode();
+  // A grid is drawn when it is unpacked, and the trail grows below the robot
+  if (channel !== "grid" && channel !== "heartbeat" && channel !== "hello") map.draw(channel !== "plan" && channel !== "permit");
+}
+
+function showTools() {
+  const pressed = {
+    fit: map.mode === "fit",
+    follow: map.mode === "follow",
+    ruler: gestures.measuring,
+    scale: Math.abs(map.view.scale / screenScale.pixelsPerCm - 1) < 1e-3,
+  };
+  for (const [name, on] of Object.entries(pressed)) {
+    document.querySelector(`[data-act="${name}"]`).setAttribute("aria-pressed", on);
+  }
+  $("overlay").classList.toggle("measuring", pressed.ruler);
+  screenScale.showBar($("scale-bar"), map.view.scale);
+  const cursor = gestures.cursor;
+  $("where").value = cursor ? panel.words({ x_m: map.view.toMap(...cursor)[0], y_m: map.view.toMap(...cursor)[1] }) : "";
+}
+
+function act(name) {
+  if (name === "scale") {
+    map.mode = map.mode === "follow" ? "follow" : "free";
+    map.view.scale = screenScale.pixelsPerCm;
+    map.draw();
+  } else gestures.act(name);
+}
+
+const KEYS = { "+": "in", "=": "in", "-": "out", 0: "fit", f: "follow", 1: "scale", "[": "left", "]": "right", r: "ruler" };
+
+function key(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+  if (event.target.matches("input, select")) return;
+  if (event.key === "Escape") $("export").open = false;
+  if (event.key === "/") {
+    event.preventDefault();
+    $("search").focus();
+  } else if (event.key === "Escape" && gestures.measuring) act("ruler");
+  else if (KEYS[event.key]) act(KEYS[event.key]);
+}
+
+document.querySelector(".tools").onclick = ({ target }) => {
+  const button = target.closest("[data-act]");
+  if (button) act(button.dataset.act);
+};
+addEventListener("keydown", key);
+addEventListener("beforeprint", () => map.recolour());
+$("print").onclick = () => print();
+$("scale-bar").onclick = () => screenScale.open();
+addEventListener("click", ({ target }) => {
+  if (!$("export").contains(target) || target.closest(".menu-list")) $("export").open = false;
+});
+
+new Link(take, (connected) => {
+  model.connected = connected;
+  panel.show();
+  map.draw(false);
+});
+let state = "";
+setInterval(() => {
+  panel.show();
+  if (state !== model.state) map.draw(false);
+  state = model.state;
+}, AGE_PERIOD_MS);
+panel.show();

@@ -1,0 +1,306 @@
+// Draws the model: what changes rarely (floor, walls, trail) on the canvas below, robot and plan on the one above.
+
+import { View } from "./view.js";
+
+const WALL = 0.09; // metres
+const HULL = 0.22;
+const ROBOT_MIN_PX = 11;
+const MARGIN = { top: 56, right: 76, bottom: 64, left: 32 };
+const GRID_STEPS = [1, 5, 10, 50]; // metres between two lines
+const GRID_MIN_PX = 48;
+
+export class MapView {
+  constructor(stage, model, onView) {
+    this.stage = stage;
+    this.model = model;
+    this.onView = onView;
+    this.view = new View();
+    this.mode = "fit"; // fit, follow, free
+    this.measured = null; // {from: [x, y], to: [x, y]} in metres
+    this.base = stage.querySelector("#base");
+    this.overlay = stage.querySelector("#overlay");
+    this.floor = null; // {bitmap, grid}
+    this.worker = new Worker("floor_worker.js");
+    this.worker.onmessage = ({ data }) => this.#floorReady(data);
+    this.decoding = null;
+    this.pending = false;
+    this.stained = true; // the lower canvas must be drawn again
+    new ResizeObserver(() => this.#resize()).observe(stage);
+    for (const query of ["(prefers-color-scheme: dark)", "print"]) {
+      matchMedia(query).addEventListener("change", () => this.recolour());
+    }
+    this.recolour();
+  }
+
+  recolour() {
+    const style = getComputedStyle(document.documentElement);
+    const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "ink", "paper", "start"];
+    this.colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
+    this.redecode();
+    this.draw();
+  }
+
+  // Keeps the present grid when it is asked for the next one before it is done
+  redecode() {
+    const grid = this.model.grid;
+    if (!grid || this.decoding) return;
+    this.decoding = grid;
+    const colour = this.colours.free.match(/\w\w/g).map((hex) => parseInt(hex, 16));
+    this.worker.postMessage({ body: grid.body, rows: grid.rows, columns: grid.columns, colour });
+  }
+
+  #floorReady({ bitmap }) {
+    const grid = this.decoding;
+    this.decoding = null;
+    this.floor?.bitmap.close();
+    this.floor = { bitmap, grid };
+    if (this.model.grid !== grid) this.redecode();
+    this.draw();
+  }
+
+  #resize() {
+    this.ratio = window.devicePixelRatio || 1;
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    this.view.width = Math.max(1, width);
+    this.view.height = Math.max(1, height);
+    for (const canvas of [this.base, this.overlay]) {
+      canvas.width = Math.round(width * this.ratio);
+      canvas.height = Math.round(height * this.ratio);
+    }
+    this.stained = true;
+    this.#frame();
+  }
+
+  // `below`: whether the lower canvas changes too
+  draw(below = true) {
+    this.stained ||= below;
+    if (this.pending) return;
+    this.pending = true;
+    requestAnimationFrame(() => this.#frame());
+  }
+
+  setMode(mode) {
+    this.mode = mode;
+    this.draw();
+  }
+
+  #frame() {
+    this.pending = false;
+    const { model, view } = this;
+    const before = [view.x, view.y, view.scale, view.angle].join();
+    if (this.mode === "fit" && model.box) view.fit(model.box, this.#margin());
+    if (this.mode === "follow" && model.pose) [view.x, view.y] = [model.pose.x_m, model.pose.y_m];
+    const moved = before !== [view.x, view.y, view.scale, view.angle].join();
+    if (this.stained || moved || this.drawn !== before) this.#drawBelow();
+    this.stained = false;
+    this.drawn = [view.x, view.y, view.scale, view.angle].join();
+    this.#drawAbove();
+    this.onView();
+    this.stage.dispatchEvent(new CustomEvent("drawn"));
+  }
+
+  #margin() {
+    return this.view.width < 560 ? { top: 44, right: 60, bottom: 52, left: 16 } : MARGIN;
+  }
+
+  #drawBelow() {
+    const context = this.base.getContext("2d");
+    const { colours, view, ratio, model } = this;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.fillStyle = colours.unknown;
+    context.fillRect(0, 0, this.base.width, this.base.height);
+    view.apply(context, ratio);
+    this.#drawFloor(context);
+    this.#drawLines(context);
+    this.#drawTrail(context);
+    this.#drawWalls(context);
+    this.#drawBase(context, model.base);
+    this.#drawStart(context);
+  }
+
+  #drawFloor(context) {
+    if (!this.floor) return;
+    const { bitmap, grid } = this.floor;
+    context.imageSmoothingEnabled = this.view.scale * grid.cell_m < 6;
+    context.drawImage(bitmap, ...grid.origin, grid.columns * grid.cell_m, grid.rows * grid.cell_m);
+  }
+
+  // The part of the map that is seen, as a box along the axes
+  #seen() {
+    const { view } = this;
+    const corners = [[0, 0], [view.width, 0], [view.width, view.height], [0, view.height]].map((p) => view.toMap(...p));
+    const xs = corners.map((p) => p[0]), ys = corners.map((p) => p[1]);
+    return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
+  }
+
+  // Counted from the base point, as the coordinates are
+  #drawLines(context) {
+    const [x0, y0, x1, y1] = this.#seen();
+    const [bx, by] = this.model.base;
+    const step = GRID_STEPS.find((s) => s * this.view.scale >= GRID_MIN_PX) ?? 100;
+    const lines = new Path2D();
+    for (let x = bx + Math.ceil((x0 - bx) / step) * step; x <= x1; x += step) {
+      lines.moveTo(x, y0);
+      lines.lineTo(x, y1);
+    }
+    for (let y = by + Math.ceil((y0 - by) / step) * step; y <= y1; y += step) {
+      lines.moveTo(x0, y);
+      lines.lineTo(x1, y);
+    }
+    context.strokeStyle = this.colours.lines;
+    context.lineWidth = 1 / this.view.scale;
+    context.stroke(lines);
+  }
+
+  #drawTrail(context) {
+    const trail = this.model.trail;
+    if (trail.length < 4) return;
+    context.beginPath();
+    context.moveTo(trail[0], trail[1]);
+    for (let k = 2; k < trail.length; k += 2) context.lineTo(trail[k], trail[k + 1]);
+    context.strokeStyle = this.colours.trail;
+    context.lineWidth = Math.max(0.05, 1.4 / this.view.scale);
+    context.lineJoin = context.lineCap = "round";
+    context.stroke();
+  }
+
+  #drawWalls(context) {
+    const [x0, y0, x1, y1] = this.#seen();
+    context.lineCap = "round";
+    context.lineWidth = Math.max(WALL, 2 / this.view.scale);
+    for (const chunk of this.model.walls.chunks) {
+      const [a, b, c, d] = chunk.box;
+      if (c < x0 || a > x1 || d < y0 || b > y1) continue;
+      context.strokeStyle = chunk.inferred ? this.colours.inferred : this.colours.wall;
+      context.stroke(chunk.path);
+    }
+  }
+
+  // Lower left corner of the drawing, where its coordinates begin
+  #drawBase(context, [x, y]) {
+    if (!this.model.walls.box) return;
+    const arm = 12 / this.view.scale;
+    context.beginPath();
+    context.moveTo(x, y + arm);
+    context.lineTo(x, y);
+    context.lineTo(x + arm, y);
+    context.strokeStyle = this.colours.ink;
+    context.lineWidth = 1.5 / this.view.scale;
+    context.stroke();
+  }
+
+  #drawStart(context) {
+    if (!this.model.trail.length) return;
+    const size = Math.max(0.3, 9 / this.view.scale);
+    context.beginPath();
+    context.arc(0, 0, size * 0.72, 0, 2 * Math.PI);
+    context.fillStyle = this.colours.paper;
+    context.fill();
+    // A house that stands upright however the map is turned
+    const c = Math.cos(-this.view.angle) * size, s = Math.sin(-this.view.angle) * size;
+    const corners = [[-0.5, 0.02], [0, 0.5], [0.5, 0.02], [0.34, 0.02], [0.34, -0.42], [-0.34, -0.42], [-0.34, 0.02]];
+    context.beginPath();
+    for (const [u, v] of corners) context.lineTo(c * u - s * v, s * u + c * v);
+    context.closePath();
+    context.fillStyle = this.colours.start;
+    context.fill();
+  }
+
+  #drawAbove() {
+    const context = this.overlay.getContext("2d");
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    context.lineCap = context.lineJoin = "round";
+    const live = this.model.state === "live";
+    if (live) this.#drawPlan(context);
+    if (this.model.pose) this.#drawRobot(context, live && this.model.pose.valid);
+    if (this.measured) this.#drawRuler(context);
+  }
+
+  #drawPlan(context) {
+    const { plan, pose } = this.model;
+    if (!plan || !plan.path_m.length || plan.finished) return;
+    const places = [...(pose ? [[pose.x_m, pose.y_m]] : []), ...plan.path_m].map(([x, y]) => this.view.toScreen(x, y));
+    context.beginPath();
+    for (const [x, y] of places) context.lineTo(x, y);
+    context.strokeStyle = this.colours.plan;
+    context.lineWidth = 2.5;
+    context.setLineDash([7, 6]);
+    context.stroke();
+    context.setLineDash([]);
+    const [x, y] = places.at(-1);
+    context.beginPath();
+    context.arc(x, y, 5, 0, 2 * Math.PI);
+    context.fillStyle = this.colours.paper;
+    context.fill();
+    context.stroke();
+  }
+
+  // Filled where it is; an empty dashed circle where it was last known to be
+  #drawRobot(context, sure) {
+    const { pose } = this.model;
+    const [x, y] = this.view.toScreen(pose.x_m, pose.y_m);
+    const radius = Math.max(ROBOT_MIN_PX, HULL * this.view.scale);
+    const { robot, paper } = this.colours;
+    context.save();
+    context.translate(x, y);
+    const doubt = pose.sd_xy_m * 2 * this.view.scale;
+    if (doubt > radius) {
+      context.beginPath();
+      context.arc(0, 0, doubt, 0, 2 * Math.PI);
+      context.strokeStyle = robot;
+      context.lineWidth = 1;
+      context.stroke();
+    }
+    context.beginPath();
+    context.arc(0, 0, radius, 0, 2 * Math.PI);
+    context.fillStyle = sure ? robot : paper;
+    context.strokeStyle = sure ? paper : robot;
+    context.lineWidth = 2;
+    if (!sure) context.setLineDash([4, 4]);
+    context.fill();
+    context.stroke();
+    context.setLineDash([]);
+    context.rotate(-(pose.heading_rad + this.view.angle));
+    context.beginPath();
+    for (const [u, v] of [[0.72, 0], [-0.42, 0.5], [-0.18, 0], [-0.42, -0.5]]) context.lineTo(u * radius, v * radius);
+    context.closePath();
+    context.fillStyle = sure ? paper : robot;
+    context.fill();
+    context.restore();
+  }
+
+  #drawRuler(context) {
+    const { from, to } = this.measured;
+    const [x0, y0] = this.view.toScreen(...from), [x1, y1] = this.view.toScreen(...to);
+    const { ink, paper } = this.colours;
+    for (const [colour, width] of [[paper, 5], [ink, 2]]) {
+      context.beginPath();
+      context.moveTo(x0, y0);
+      context.lineTo(x1, y1);
+      context.strokeStyle = colour;
+      context.lineWidth = width;
+      context.stroke();
+    }
+    for (const [x, y] of [[x0, y0], [x1, y1]]) {
+      context.beginPath();
+      context.arc(x, y, 4.5, 0, 2 * Math.PI);
+      context.fillStyle = paper;
+      context.fill();
+      context.stroke();
+    }
+    const text = `${Math.hypot(to[0] - from[0], to[1] - from[1]).toFixed(2)} m`;
+    context.font = "600 14px system-ui, sans-serif";
+    const half = context.measureText(text).width / 2 + 8;
+    const x = (x0 + x1) / 2, y = (y0 + y1) / 2 - 20;
+    context.beginPath();
+    context.roundRect(x - half, y - 13, 2 * half, 26, 6);
+    context.fillStyle = ink;
+    context.fill();
+    context.fillStyle = paper;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(text, x, y + 0.5);
+  }
+}

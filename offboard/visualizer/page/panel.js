@@ -1,0 +1,146 @@
+// Everything in words beside the map: link, mission, figures, modules. Ages are said anew several times a second.
+
+import { STALE_S } from "./model.js";
+
+const PHASES = { WAITING: "wait", HOME: "return", ALIGN: "return", DONE: "done" }; // the rest explores
+const $ = (id) => document.getElementById(id);
+
+// Sign and word of the link, and what is read out when it comes to that
+const LINKS = {
+  connecting: ["ring", "Connecting", ""],
+  waiting: ["ring", "Waiting for the robot", ""],
+  live: ["dot", "Live", "Live again."],
+  stale: ["warning", "STALE", "Stale: the mapping unit is silent."],
+  silent: ["warning", "STALE", "Stale: nothing from the robot."],
+  lost: ["cross", "No connection", "No connection to this page's server."],
+};
+
+const MEMORY_KB = 1024;
+
+function since(age) {
+  if (age === null) return "never";
+  if (age < 10) return `${age.toFixed(1)} s`;
+  if (age < 120) return `${Math.round(age)} s`;
+  return age < 7200 ? `${Math.round(age / 60)} min` : `${Math.round(age / 3600)} h`;
+}
+
+function set(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+function icon(element, name) {
+  const href = `#i-${name}`;
+  const use = element.querySelector("use");
+  if (use.getAttribute("href") !== href) use.setAttribute("href", href);
+}
+
+export class Panel {
+  constructor(model) {
+    this.model = model;
+    this.rows = new Map();
+  }
+
+  show() {
+    this.#showLink();
+    this.#showMission();
+    this.#showModules();
+  }
+
+  #showLink() {
+    const { model } = this;
+    const state = model.state;
+    const [sign, word, said] = LINKS[state];
+    if (said !== LINKS.live[2] || $("said").textContent) set($("said"), said);
+    document.body.dataset.link = state;
+    icon($("link"), sign);
+    set($("link").querySelector("span"), word);
+    const text = this.#warning(state);
+    $("banner").hidden = !text;
+    set($("banner").querySelector("span"), text);
+    $("empty").hidden = Boolean(model.box);
+    const missing = state === "lost" || state === "connecting" ? "Waiting for the server" : "Waiting for the first map";
+    set($("empty").querySelector("p"), missing);
+    set($("robot-name"), model.robot);
+  }
+
+  #warning(state) {
+    const age = since(this.model.age("pose"));
+    const last = this.model.pose ? ` Last known position and map, ${age} old.` : "";
+    if (state === "lost") return `No connection to this page's server; trying again.${last}`;
+    if (state === "silent") return `STALE: nothing from the robot for ${since(this.model.age("robot"))}.${last}`;
+    if (state === "stale") return `STALE: the mapping unit is silent.${last}`;
+    if (state === "live" && !this.model.pose.valid) return "The robot is not sure where it is.";
+    return "";
+  }
+
+  #showMission() {
+    const { plan, permit, pose, driven } = this.model;
+    const live = this.model.state === "live";
+    const phase = plan ? (PHASES[plan.mode] ?? "explore") : "wait";
+    const detail = plan ? plan.detail : "waiting for the robot";
+    const known = live || !plan ? detail : `last known: ${detail}`;
+    set($("mission-state"), known.charAt(0).toUpperCase() + known.slice(1));
+    const items = [...$("phases").children];
+    const at = items.findIndex((item) => item.dataset.phase === phase);
+    items.forEach((item, k) => {
+      item.className = k < at || phase === "done" ? "past" : k === at ? "now" : "";
+      if (k === at) item.setAttribute("aria-current", "step");
+      else item.removeAttribute("aria-current");
+    });
+    this.#showPermit(permit, live);
+    set($("area"), plan && plan.area_m2 !== null ? `${plan.area_m2.toFixed(0)} m²` : "–");
+    set($("driven"), this.model.trail.length ? `${driven.toFixed(driven < 100 ? 1 : 0)} m` : "–");
+    set($("halls"), plan ? String(plan.halls_open) : "–");
+    set($("position"), pose ? this.words(pose) + (live ? "" : ` (${since(this.model.age("pose"))} ago)`) : "–");
+  }
+
+  #showPermit(permit, live) {
+    const element = $("permit");
+    element.dataset.known = Boolean(permit && live);
+    if (!permit) return;
+    element.dataset.granted = permit.granted;
+    icon(element, permit.granted ? "check" : "stop");
+    const by = permit.stop_sources.length ? ` (by ${permit.stop_sources.join(", ")})` : "";
+    set(element.querySelector("span"), permit.granted ? "May move" : `Stands still: ${permit.reason || "no permit"}${by}`);
+  }
+
+  // From the lower left corner of the drawing
+  words({ x_m, y_m }) {
+    const [bx, by] = this.model.base;
+    return `${(x_m - bx).toFixed(2)}, ${(y_m - by).toFixed(2)} m`;
+  }
+
+  #showModules() {
+    const { modules } = this.model;
+    const late = performance.now() / 1000 - this.model.modulesAt;
+    let healthy = 0;
+    for (const module of modules) {
+      const age = module.age_s === null ? null : module.age_s + late;
+      const health = age === null ? "absent" : age > STALE_S ? "silent" : !module.ready || module.error ? "fault" : "well";
+      if (health === "well") healthy++;
+      this.#showModule(module, health, age);
+    }
+    const sum = modules.length ? `${healthy} of ${modules.length} well` : "";
+    set($("modules-sum"), sum);
+    const { skipped } = this.model;
+    set($("skipped"), skipped ? `This browser was too slow for ${skipped} positions; it skipped them.` : "");
+  }
+
+  #showModule(module, health, age) {
+    let row = this.rows.get(module.name);
+    if (!row) {
+      row = document.createElement("li");
+      row.innerHTML = `<svg aria-hidden="true"><use></use></svg><b></b><span></span><small></small>`;
+      this.rows.set(module.name, row);
+      $("module-list").append(row);
+    }
+    row.dataset.health = health;
+    icon(row, { well: "check", fault: "warning", silent: "cross", absent: "ring" }[health]);
+    set(row.querySelector("b"), module.title);
+    const memory = module.memory_kb ? ` · ${(module.memory_kb / MEMORY_KB).toFixed(module.memory_kb < 10240 ? 1 : 0)} MB` : "";
+    const said = { absent: "not there", silent: `silent for ${since(age)}` }[health] ?? module.state + memory;
+    set(row.querySelector("span"), said);
+    set(row.querySelector("small"), module.error ? `${module.error}: ${module.meaning}; ${module.action}` : "");
+    row.title = module.detail || "";
+  }
+}

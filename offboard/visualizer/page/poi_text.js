@@ -1,0 +1,19 @@
+// How a point of interest is said in words. Never by colour alone: each state has its sign.
+
+export const STATES = {
+  read: { sign: "✓", text: "Read" },
+  doubtful: { sign: "?", text: "Doubtful, please check" },
+  unread: { sign: "–", text: "Not readable" },
+};
+
+export const stateOf = (poi) => STATES[poi.state] ?? { sign: "·", text: poi.state || "Unknown" };
+
+export const headline = (poi) => [poi.room_type, poi.number].filter(Boolean).join(" ") || poi.name || "Point of interest";
+
+export const spoken = (poi) => [poi.name, poi.number || "without number", poi.room_type].filter(Boolean).join(" ");
+
+// 7 before 12 before 101, and those without a number at the end
+export function byNumber(a, b) {
+  if (!a.number !== !b.number) return a.number ? -1 : 1;
+  return a.number.localeCompare(b.number, undefined, { numeric: true }) || a.poi_id - b.poi_id;
+}

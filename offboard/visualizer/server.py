@@ -1,0 +1,256 @@
+"""The web server: `Feed` -> the page, its WebSocket, photos, exports. In a thread of its own; the node only feeds.
+
+Nothing here is sent to the robot: the page looks, the command center commands.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import socket
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from ipaddress import ip_address
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.datastructures import MutableHeaders
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from common.errors import StartError
+from offboard.recorder.run_folder import map_points_text
+from offboard.visualizer import protocol
+from offboard.visualizer.feed import Client, Feed
+
+PAGE = Path(__file__).with_name("page")
+HEARTBEAT_PERIOD_S = 0.2
+_END_TIMEOUT_S = 2
+_START_TIMEOUT_S = 10.0
+# A browser that obeys it cannot ask anybody else for anything
+_POLICY = "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+
+_EXPORTS = {"svg": "image/svg+xml", "png": "image/png", "csv": "text/csv"}
+
+
+class _Headers:
+    """The policy on every answer, and nothing kept: after an update no browser shows half of the old page."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers["Content-Security-Policy"] = _POLICY + _own_socket(scope)
+                headers["X-Content-Type-Options"] = "nosniff"
+                headers["Referrer-Policy"] = "no-referrer"
+                headers.setdefault("Cache-Control", "no-cache")
+            await send(message)
+
+        await self._app(scope, receive, with_headers)
+
+
+class PageServer:
+    """Listens from the start on, so that a taken port is known at once; serves from `start` to `close`.
+
+    Raises StartError when it cannot listen. Port 0 takes any free one.
+    """
+
+    def __init__(self, feed: Feed, host: str, port: int, robot: str = "robot") -> None:
+        self._feed = feed
+        self._robot = robot
+        self._socket = _listen(host, port)
+        shown = "127.0.0.1" if host in ("", "0.0.0.0", "::") else host
+        self.port: int = self._socket.getsockname()[1]
+        self.address = f"http://{f'[{shown}]' if ':' in shown else shown}:{self.port}/"
+        self.pages = 0  # how many look at present
+        self._waiting: set[asyncio.Event] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ready = threading.Event()
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                self._application(host),
+                loop="asyncio",
+                http="h11",
+                ws="websockets-sansio",
+                # A page on the same machine or Wi-Fi gains nothing by it, and every pose would pay
+                ws_per_message_deflate=False,
+                log_config=None,
+                log_level="warning",
+                access_log=False,
+                timeout_graceful_shutdown=_END_TIMEOUT_S,
+            )
+        )
+        self._thread = threading.Thread(target=self._serve, name="page-server", daemon=True)
+
+    @property
+    def running(self) -> bool:
+        return self._thread.is_alive()
+
+    def start(self) -> None:
+        self._feed.on_change = self._wake
+        self._thread.start()
+        self._ready.wait(_START_TIMEOUT_S)
+
+    def close(self) -> None:
+        self._feed.on_change = lambda: None
+        self._server.should_exit = True
+        if self._thread.is_alive():
+            self._wake()
+            self._thread.join(2.0 * _END_TIMEOUT_S)
+        self._socket.close()
+
+    def _serve(self) -> None:
+        self._server.run(sockets=[self._socket])
+
+    def _application(self, host: str) -> Starlette:
+        guards = [Middleware(_Headers)]
+        if _is_loopback(host):
+            # Else a page of the internet could give its own name this machine's address and read the building
+            guards.append(Middleware(TrustedHostMiddleware, allowed_hosts=["127.0.0.1", "localhost", "[::1]", host]))
+
+        @asynccontextmanager
+        async def lifespan(_: Starlette) -> AsyncIterator[None]:
+            self._loop = asyncio.get_running_loop()
+            self._ready.set()
+            yield
+
+        routes = [
+            WebSocketRoute("/live", self._live),
+            Route("/photos/{poi_id:int}.jpg", self._photo),
+            Route("/export/map.{form:str}", self._export),
+            Mount("/", StaticFiles(directory=PAGE, html=True)),
+        ]
+        return Starlette(routes=routes, middleware=guards, lifespan=lifespan)
+
+    def _wake(self) -> None:
+        loop = self._loop
+        if self._waiting and loop is not None and not loop.is_closed():
+            loop.call_soon_threadsafe(self._wake_clients)
+
+    def _wake_clients(self) -> None:
+        for event in self._waiting:
+            event.set()
+
+    # Endpoints; those that are not `async` run in a thread of their own
+
+    def _photo(self, request: Request) -> Response:
+        photo = self._feed.photo(request.path_params["poi_id"])
+        if photo is None:
+            return PlainTextResponse("There is no photo of this point of interest.", 404)
+        return Response(photo, media_type="image/jpeg")
+
+    def _export(self, request: Request) -> Response:
+        form = request.path_params["form"]
+        if form not in _EXPORTS:
+            return PlainTextResponse(f"No export as {form}; choose from {', '.join(_EXPORTS)}.", 404)
+        from offboard.tools import export  # here, because SciPy would make the page wait at every start
+
+        data = self._feed.map_data()
+        content: str | bytes
+        if form == "csv":
+            content = map_points_text(data.points_m, data.inferred)
+        else:
+            content = export.as_svg(data) if form == "svg" else export.as_png(data)
+        name = {"Content-Disposition": f'attachment; filename="{self._robot}-map.{form}"'}
+        return Response(content, media_type=_EXPORTS[form], headers=name)
+
+    async def _live(self, page: WebSocket) -> None:
+        if not _same_origin(page):
+            await page.close(1008)
+            return
+        await page.accept()
+        news = asyncio.Event()
+        self._waiting.add(news)
+        self.pages += 1
+        try:
+            sender = asyncio.ensure_future(self._send(page, self._feed.client(), news))
+            listener = asyncio.ensure_future(_until_gone(page))
+            done, pending = await asyncio.wait({sender, listener}, return_when=asyncio.FIRST_COMPLETED)
+            for task in pending:
+                task.cancel()
+            await asyncio.gather(*pending, return_exceptions=True)
+            for task in done:
+                task.result()
+        except WebSocketDisconnect:
+            pass
+        finally:
+            self.pages -= 1
+            self._waiting.discard(news)
+
+    async def _send(self, page: WebSocket, client: Client, news: asyncio.Event) -> None:
+        """Sends what is new as fast as the page takes it; `send` waits while its buffer is full."""
+        await _send_frame(page, protocol.hello(self._robot))
+        loop = asyncio.get_running_loop()
+        next_s = loop.time()
+        while not self._server.should_exit:
+            news.clear()
+            for message in client.changes():
+                await _send_frame(page, message)
+            if loop.time() >= next_s:
+                next_s = loop.time() + HEARTBEAT_PERIOD_S
+                await _send_frame(page, client.heartbeat())
+            try:
+                await asyncio.wait_for(news.wait(), max(0.0, next_s - loop.time()))
+            except TimeoutError:
+                continue
+        await page.close(1001)
+
+
+def _own_socket(scope: Scope) -> str:
+    """Not every browser counts a WebSocket of the same host as 'self'."""
+    host = dict(scope["headers"]).get(b"host", b"").decode("latin-1")
+    return f"; connect-src 'self' ws://{host}" if re.fullmatch(r"[\w.:\[\]-]+", host) else ""
+
+
+async def _send_frame(page: WebSocket, message: protocol.Frame) -> None:
+    if isinstance(message, str):
+        await page.send_text(message)
+    else:
+        await page.send_bytes(message)
+
+
+async def _until_gone(page: WebSocket) -> None:
+    """A page says nothing that matters; this notices when it leaves."""
+    while (await page.receive())["type"] != "websocket.disconnect":
+        pass
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        raise StartError(
+            f"The page cannot be served at {host} port {port} ({error.strerror}): end what uses it, "
+            "or set another [visualizer] port in robot.toml."
+        ) from error
+    return listener
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _same_origin(page: WebSocket) -> bool:
+    """Browsers say which page asks; other programs need not."""
+    origin = page.headers.get("origin")
+    return origin is None or urlsplit(origin).netloc == page.headers.get("host")

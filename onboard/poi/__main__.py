@@ -1,0 +1,19 @@
+"""Process "poi": the points of interest, on the Raspberry Pi."""
+
+import argparse
+import sys
+
+from common.config import Config
+from common.process import run
+from onboard.poi.frame_source import open_source
+from onboard.poi.poi import Poi, reader_of
+from onboard.poi.reading_worker import ThreadWorker
+
+
+def make_poi(config: Config, _: argparse.Namespace) -> Poi:
+    """Raises StartError when there is no such camera."""
+    return Poi(config.poi, open_source(config.poi.source), ThreadWorker(lambda: reader_of(config.poi)))
+
+
+if __name__ == "__main__":
+    sys.exit(run("poi", make_poi))

@@ -1,0 +1,185 @@
+"""Where frames come from: a URI of robot.toml -> a `FrameSource` with two streams.
+
+A small preview comes by itself, a few times a second; a full frame comes when it was asked for. `picamera` is the
+Raspberry Pi's camera, `/dev/video0` or a number a USB camera, a file or folder holds photos, and `unix:PATH` is where
+somebody else serves frames. All but the first two are for machines without a camera.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+
+from common.errors import StartError
+from onboard.poi.frame import FULL_SIZE_PX, PREVIEW_PERIOD_S, PREVIEW_SIZE_PX, Frame, Image
+from onboard.poi.frame_socket import SocketFrames
+
+EXPOSURE_US = 15_000  # at 0.16 m/s a plate's stroke moves by 2.4 mm meanwhile
+SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp")
+
+
+class FrameSource(Protocol):
+    """Two streams. Nothing here waits: what is not there yet is None."""
+
+    def preview(self, now_s: float) -> Frame | None:
+        """The newest small frame, once."""
+
+    def request_full(self) -> None: ...
+
+    def full(self, now_s: float) -> Frame | None:
+        """The full frame that was asked for, once."""
+
+    def close(self) -> None: ...
+
+
+class PiCameraFrames:
+    """Picamera2: `lores` is the preview and `main` the full frame of one sensor. Exposure and colours stay locked."""
+
+    def __init__(self) -> None:
+        try:
+            from picamera2 import Picamera2  # of the system: it cannot be installed from PyPI
+        except ImportError as error:
+            raise StartError(
+                "The camera needs Picamera2: run 'sudo apt install python3-picamera2', and let the environment of the "
+                "robot see the system's packages."
+            ) from error
+        self._camera: Any = Picamera2()
+        self._camera.configure(
+            self._camera.create_video_configuration(
+                main={"size": FULL_SIZE_PX, "format": "RGB888"},  # this name means blue, green, red in memory
+                lores={"size": PREVIEW_SIZE_PX, "format": "YUV420"},
+                controls={"ExposureTime": EXPOSURE_US, "AeEnable": False},
+            )
+        )
+        self._camera.start()
+        self._due_s = 0.0
+        self._wanted = False
+
+    def preview(self, now_s: float) -> Frame | None:
+        if now_s < self._due_s:
+            return None
+        self._due_s = now_s + PREVIEW_PERIOD_S
+        planes = self._camera.capture_array("lores")
+        return Frame(now_s, np.asarray(cv2.cvtColor(planes, cv2.COLOR_YUV2BGR_I420), dtype=np.uint8))
+
+    def request_full(self) -> None:
+        self._wanted = True
+
+    def full(self, now_s: float) -> Frame | None:
+        if not self._wanted:
+            return None
+        self._wanted = False
+        return Frame(now_s, np.asarray(self._camera.capture_array("main"), dtype=np.uint8))
+
+    def close(self) -> None:
+        self._camera.stop()
+
+
+class VideoFrames:
+    """A USB camera by OpenCV; its one stream is scaled down for the preview."""
+
+    def __init__(self, device: str | int) -> None:
+        self._capture = cv2.VideoCapture(device, cv2.CAP_V4L2)
+        if not self._capture.isOpened():
+            raise StartError(f"No camera answers at {device}: plug it in, or correct poi.source in robot.toml.")
+        self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, FULL_SIZE_PX[0])
+        self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, FULL_SIZE_PX[1])
+        self._due_s = 0.0
+        self._newest: Frame | None = None
+        self._wanted = False
+
+    def preview(self, now_s: float) -> Frame | None:
+        if now_s < self._due_s:
+            return None
+        self._due_s = now_s + PREVIEW_PERIOD_S
+        works, image = self._capture.read()
+        if not works:
+            return None
+        self._newest = Frame(now_s, np.asarray(image, dtype=np.uint8))
+        return Frame(now_s, np.asarray(cv2.resize(image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA), np.uint8))
+
+    def request_full(self) -> None:
+        self._wanted = True
+
+    def full(self, now_s: float) -> Frame | None:
+        if not self._wanted or self._newest is None:
+            return None
+        self._wanted = False
+        return self._newest
+
+    def close(self) -> None:
+        self._capture.release()
+
+
+class StoredFrames:
+    """Photos of a file or folder in the order of their names, one after the other as previews and full frames."""
+
+    def __init__(self, path: Path) -> None:
+        self._files = photo_files(path)
+        self._due_s = 0.0
+        self._newest: Frame | None = None
+        self._wanted = False
+
+    def preview(self, now_s: float) -> Frame | None:
+        if now_s < self._due_s or not self._files:
+            return None
+        self._due_s = now_s + PREVIEW_PERIOD_S
+        self._newest = Frame(now_s, read_photo(self._files.pop(0)))
+        return Frame(now_s, np.asarray(cv2.resize(self._newest.image, PREVIEW_SIZE_PX), dtype=np.uint8))
+
+    def request_full(self) -> None:
+        self._wanted = True
+
+    def full(self, now_s: float) -> Frame | None:
+        if not self._wanted:
+            return None
+        self._wanted = False
+        return self._newest
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def open_source(uri: str) -> FrameSource:
+    """The source that a URI names; raises StartError."""
+    if uri == "picamera":
+        return PiCameraFrames()
+    if uri.startswith("unix:"):
+        return SocketFrames(Path(uri.removeprefix("unix:")))
+    if uri.isdigit():
+        return VideoFrames(int(uri))
+    if uri.startswith("/dev/"):
+        return VideoFrames(uri)
+    return StoredFrames(Path(uri))
+
+
+def photo_files(path: Path) -> list[Path]:
+    """The file, or the photos in a folder by name; raises StartError where there is none."""
+    files = sorted(f for f in path.iterdir() if f.suffix.lower() in SUFFIXES) if path.is_dir() else [path]
+    if not files or not files[0].is_file():
+        raise StartError(f"There is no photo at {path}; photos end in {', '.join(SUFFIXES)}.")
+    return files
+
+
+def read_photo(file: Path) -> Image:
+    """A photo; raises StartError when it is none."""
+    image = cv2.imread(str(file), cv2.IMREAD_COLOR)
+    if image is None:
+        raise StartError(f"{file} is no picture that can be read; give a JPEG or PNG file.")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def pose_sidecar(file: Path) -> dict[str, float]:
+    """What stands in `<photo>.json` beside a photo (`x_m`, `y_m`, `heading_rad`, `wall_m`); empty without it."""
+    sidecar = file.with_suffix(".json")
+    if not sidecar.is_file():
+        return {}
+    try:
+        content = json.loads(sidecar.read_text(encoding="utf-8"))
+        return {key: float(content[key]) for key in ("x_m", "y_m", "heading_rad", "wall_m")}
+    except (ValueError, TypeError, KeyError) as error:
+        raise StartError(f"{sidecar} must hold the numbers x_m, y_m, heading_rad and wall_m: {error}.") from error

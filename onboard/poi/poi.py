@@ -1,0 +1,203 @@
+"""Node `poi` on the Raspberry Pi: pose, echoes and camera in; one record per door, and requests for another photo, out.
+
+Reads POSE, RANGES, MAP and PERMIT, and frames from its source. Writes POI (an event when a door was read, or was passed
+without), RETAKE (to the planner), status and log. A latched stop ends the taking of photos until it is released.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, radians
+from re import compile as regular_expression
+from re import error as PatternError
+
+from common.bus import Bus
+from common.config import PoiSection
+from common.errors import ErrorCode, StartError
+from common.geometry import Pose2
+from common.messages import PERMIT, POI, RETAKE, PointOfInterest, PoiRequest
+from common.status import StatusReporter
+from onboard.poi.camera_model import CameraModel
+from onboard.poi.door_detection import ColourBox
+from onboard.poi.door_records import Door, Sign, State
+from onboard.poi.frame import FULL_SIZE_PX
+from onboard.poi.frame_source import FrameSource
+from onboard.poi.reading_worker import Read, ReadingWorker, read
+from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_before
+from onboard.poi.sign_placement import WallPoint
+from onboard.poi.sign_reading import SignReader, SignRules
+from onboard.poi.survey import Survey
+
+NO_FRAMES_S = 2.0
+TELL_PERIOD_S = 1.0
+PASSED_M = 1.6  # from there on a door is out of view
+PASSED_S = 20.0
+MOVED_M = 0.04  # a record whose place changed less is not told again
+SAME_RECORD_M = 0.6
+RETAKE_NEAR_M = 4.0  # it does not go further back than this
+DOOR, NAME_TAG = "Door", "Name Tag"
+
+
+def sign_rules(section: PoiSection) -> SignRules:
+    """The site's rules; raises StartError."""
+    try:
+        return SignRules(regular_expression(section.number_pattern), section.room_types)
+    except PatternError as error:
+        raise StartError(f"poi.number_pattern is no regular expression: {error}.") from error
+
+
+def reader_of(section: PoiSection) -> Read:
+    """Loads the models: the function that reads one job."""
+    reader, rules = SignReader(), sign_rules(section)
+    camera = CameraModel(*FULL_SIZE_PX, radians(section.field_of_view_deg))
+    return lambda job: read(job, reader, rules, camera)
+
+
+@dataclass(slots=True)
+class _Told:
+    """A record as it was sent last."""
+
+    poi_id: int
+    point: WallPoint
+    sign: Sign | None
+    content: tuple[str, str, str]  # state, number, room type
+    quality: float
+
+
+class Poi:
+    """Node "poi". `worker` decides whether it reads beside the loop or in simulated time."""
+
+    name = "poi"
+    period_s = 0.05
+
+    def __init__(self, section: PoiSection, source: FrameSource, worker: ReadingWorker) -> None:
+        boxes = tuple(ColourBox.parse(text) for text in section.door_colours)
+        self._survey = Survey(source, worker, boxes, radians(section.field_of_view_deg))
+        self._status = StatusReporter(self.name)
+        self._retake = Retake()
+        self._photos_before = 0
+        self._visits: list[WallPoint] = []
+        self._told: list[_Told] = []
+        self._tell_due_s = 0.0
+        self._began_s: float | None = None
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        if self._began_s is None:
+            self._began_s = now_s
+        permit = bus.latest(PERMIT)
+        stopped = permit is not None and bool(permit.stop_sources)
+        self._survey.listen(bus, now_s)
+        if not stopped:
+            self._survey.look(now_s, holding=self._retake.phase is Phase.HOLDING)
+        pose = self._survey.history.newest
+        if pose is not None and not stopped:
+            self._go_on_with_retake(bus, now_s, pose)
+            if now_s >= self._tell_due_s:
+                self._tell_due_s = now_s + TELL_PERIOD_S
+                doors = self._survey.records.doors()
+                self._tell(bus, now_s, pose, doors)
+                self._ask_again(bus, now_s, pose, doors)
+        self._report(bus, now_s, stopped)
+
+    def close(self) -> None:
+        self._survey.close()
+
+    def _tell(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
+        for door in doors:
+            # Until both edges were seen, where the middle is is a guess
+            certain = door.state is State.READ and len(door.edges) == 2
+            if not certain and not self._passed(door.centre, door.seen_s, pose, now_s):
+                continue
+            told = self._record_of(door)
+            sign = door.sign
+            content = (door.state.value, sign.number if sign else "", sign.room_type if sign else "")
+            quality = sign.photo_quality if sign else 0.0
+            if told is None:
+                told = _Told(len(self._told) + 1, door.centre, sign, ("", "", ""), -2.0)
+                self._told.append(told)
+            moved_m = told.point.distance_m(door.centre)
+            if content == told.content and moved_m < MOVED_M:
+                continue
+            photo = sign.photo if sign is not None and quality > told.quality else b""
+            told.point, told.sign, told.content = door.centre, sign, content
+            told.quality = max(quality, told.quality)
+            bus.publish(POI, _record(door, told.poi_id, photo, now_s))
+
+    def _record_of(self, door: Door) -> _Told | None:
+        """The record that tells of this door: of its plate, or of this place."""
+        for told in self._told:
+            if door.sign is not None and told.sign is door.sign:
+                return told
+        nearest = min(self._told, key=lambda told: told.point.distance_m(door.centre), default=None)
+        return nearest if nearest is not None and nearest.point.distance_m(door.centre) < SAME_RECORD_M else None
+
+    def _passed(self, point: WallPoint, seen_s: float, pose: Pose2, now_s: float) -> bool:
+        away_m = hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
+        return self._retake.phase is Phase.IDLE and (away_m > PASSED_M or now_s - seen_s > PASSED_S)
+
+    def _ask_again(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
+        """Back to the nearest sign that was seen and could not be read, once it is out of view."""
+        if self._retake.phase is not Phase.IDLE or self._survey.turning or self._survey.worker.pending:
+            return
+        read_near = [door.centre for door in doors if door.state is State.READ]
+        for sign in self._survey.records.signs:
+            spot = sign.place.point
+            away_m = hypot(spot.x_m - pose.x_m, spot.y_m - pose.y_m)
+            if (
+                sign.wants_photo
+                and PASSED_M < away_m < RETAKE_NEAR_M
+                and self._visits_of(spot) < VISITS_MAX
+                and not any(spot.distance_m(centre) < PASSED_M for centre in read_near)
+            ):
+                goal = pose_before(self._survey.map.facing(spot), sign.distance_m)
+                # What is near may be far away by the halls
+                if self._survey.map.in_sight(pose, goal):
+                    self._visits.append(spot)
+                    self._retake, command = begin(goal, now_s)
+                    bus.publish(RETAKE, PoiRequest(now_s, command, goal.x_m, goal.y_m, goal.heading_rad))
+                    return
+
+    def _visits_of(self, spot: WallPoint) -> int:
+        return sum(visited.distance_m(spot) < SAME_RECORD_M for visited in self._visits)
+
+    def _go_on_with_retake(self, bus: Bus, now_s: float, pose: Pose2) -> None:
+        survey = self._survey
+        if self._retake.phase is not Phase.HOLDING:
+            self._photos_before = survey.photos_read
+        taken = survey.photos_read - self._photos_before
+        self._retake, command = after(self._retake, pose, survey.history.motion(), taken, now_s)
+        if command is not None:
+            bus.publish(RETAKE, PoiRequest(now_s, command))
+
+    def _report(self, bus: Bus, now_s: float, stopped: bool) -> None:
+        """Without frames the robot maps all the same: an error, and nothing to stop for."""
+        assert self._began_s is not None
+        blind = now_s - max(self._survey.frame_seen_s, self._began_s) > NO_FRAMES_S and not stopped
+        state = "STOPPED" if stopped else "BLIND" if blind else self._retake.phase.name
+        if state == Phase.IDLE.name:
+            state = "LOOKING"
+        self._status.report(
+            bus,
+            now_s,
+            state=state,
+            error=ErrorCode.NO_FRAMES if blind else ErrorCode.OK,
+            ready=self._survey.worker.ready,
+            detail=f"{len(self._told)} doors",
+        )
+
+
+def _record(door: Door, poi_id: int, photo: bytes, now_s: float) -> PointOfInterest:
+    sign = door.sign
+    return PointOfInterest(
+        t_s=now_s,
+        poi_id=poi_id,
+        name=DOOR if door.edges else NAME_TAG,
+        description=sign.number if sign is not None else "",
+        x_m=door.centre.x_m,
+        y_m=door.centre.y_m,
+        number=sign.number if sign is not None else "",
+        room_type=sign.room_type if sign is not None else "",
+        confidence=round(sign.best_confidence * sign.share, 4) if sign is not None else 0.0,
+        state=door.state.value,
+        photo_jpeg=photo,
+    )

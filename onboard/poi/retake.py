@@ -1,0 +1,68 @@
+"""Another photo of a plate that could not be read (POI_MR_05): go there, hold, look, go on. A pure state machine.
+
+IDLE -> DRIVING (GOTO sent) -> HOLDING (STOP sent) -> IDLE (CONTINUE sent). A spot is visited at most VISITS_MAX times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from math import cos, pi, sin
+
+from common.geometry import Pose2, wrap_angle
+from common.messages import PoiCommand
+from onboard.poi.sign_placement import WallPoint
+
+VISITS_MAX = 2
+DISTANCE_M = (0.7, 1.5)  # from the wall, as the hall allows
+ARRIVED_M, ARRIVED_RAD = 0.5, 0.15
+STANDING_M_S, STANDING_RAD_S = 0.03, 0.05
+DRIVE_MAX_S = 45.0
+HOLD_MAX_S = 8.0
+PHOTOS = 3
+
+
+class Phase(Enum):
+    IDLE = "idle"
+    DRIVING = "driving"
+    HOLDING = "holding"
+
+
+@dataclass(frozen=True, slots=True)
+class Retake:
+    phase: Phase = Phase.IDLE
+    goal: Pose2 | None = None
+    since_s: float = 0.0
+
+
+def pose_before(spot: WallPoint, distance_m: float) -> Pose2:
+    """Square to the wall, the camera's axis on the spot."""
+    d = min(max(distance_m, DISTANCE_M[0]), DISTANCE_M[1])
+    return Pose2(
+        spot.x_m + d * cos(spot.normal_rad),
+        spot.y_m + d * sin(spot.normal_rad),
+        wrap_angle(spot.normal_rad - pi / 2),
+    )
+
+
+def begin(goal: Pose2, now_s: float) -> tuple[Retake, PoiCommand]:
+    return Retake(Phase.DRIVING, goal, now_s), PoiCommand.GOTO
+
+
+def after(
+    state: Retake, pose: Pose2, motion: tuple[float, float], photos: int, now_s: float
+) -> tuple[Retake, PoiCommand | None]:
+    """The state now, and what to tell the planner; `photos` were taken and read since the hold began."""
+    age_s = now_s - state.since_s
+    if state.phase is Phase.DRIVING:
+        assert state.goal is not None
+        there = pose.distance_m(state.goal) < ARRIVED_M
+        facing = abs(wrap_angle(pose.heading_rad - state.goal.heading_rad)) < ARRIVED_RAD
+        standing = motion[0] < STANDING_M_S and motion[1] < STANDING_RAD_S
+        if there and facing and standing:
+            return Retake(Phase.HOLDING, state.goal, now_s), PoiCommand.STOP
+        if age_s > DRIVE_MAX_S:
+            return Retake(), PoiCommand.CONTINUE
+    elif state.phase is Phase.HOLDING and (photos >= PHOTOS or age_s > HOLD_MAX_S):
+        return Retake(), PoiCommand.CONTINUE
+    return state, None

@@ -1,0 +1,204 @@
+"""The eye of the POI module: poses, echoes and frames in, sightings of doors and readings of signs into the records.
+
+The cheap preview decides: where a door begins or ends, and whether something that may be a sign stands whole in the
+picture and is not settled yet. Only then a full frame is asked for, at most one per FULL_SPACING_M, and the part of it
+around the candidate goes to the worker. Nothing is looked at while the robot turns: blur, and no wall line.
+"""
+
+from __future__ import annotations
+
+from math import hypot, inf
+
+import cv2
+
+from common.bus import Bus
+from common.constants import SONAR_RIGHT
+from common.geometry import Pose2
+from common.messages import MAP, POSE, RANGES, PoseEstimate, Ranges
+from onboard.poi.camera_model import CameraModel
+from onboard.poi.door_detection import ColourBox, DoorDetector
+from onboard.poi.door_records import DoorRecords
+from onboard.poi.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Frame, Image
+from onboard.poi.frame_source import FrameSource
+from onboard.poi.pose_history import PoseHistory
+from onboard.poi.reading_worker import Finding, Job, Reading, ReadingWorker
+from onboard.poi.sign_detection import Box, sign_candidates
+from onboard.poi.sign_placement import WallLine, WallPoint, WallTracker
+from onboard.poi.wall_map import WallMap
+
+TURNING_RAD_S = 0.08
+FULL_SPACING_M = 0.12
+STANDING_SPACING_S = 0.4
+FRAME_AGE_MAX_S = 1.0
+POSE_WAIT_S = 0.25  # a frame waits so long for the pose after it
+JOBS_AT_ONCE = 3
+PHOTO_QUALITY = 80
+
+
+class Survey:
+    """Owns source and worker. `photos_read` counts the full frames that were read."""
+
+    def __init__(
+        self, source: FrameSource, worker: ReadingWorker, boxes: tuple[ColourBox, ...], field_of_view_rad: float
+    ) -> None:
+        self.map = WallMap()
+        self.records = DoorRecords(self.map.backs)
+        self.history = PoseHistory()
+        self.photos_read = 0
+        self.frame_seen_s = -inf
+        self.worker = worker
+        self._source = source
+        self._full_camera = CameraModel(*FULL_SIZE_PX, field_of_view_rad)
+        self._preview_camera = self._full_camera.resized(*PREVIEW_SIZE_PX)
+        self._walls = WallTracker()
+        self._doors = DoorDetector(boxes)
+        self._held: Frame | None = None  # a preview that waits for its pose
+        self._full: Frame | None = None
+        self._driven_m = 0.0
+        self._last: Pose2 | None = None
+        self._full_at_m, self._full_at_s = -inf, -inf
+        self._echo_s = -inf
+
+    def listen(self, bus: Bus, now_s: float) -> None:
+        """Takes in poses, echoes and the map."""
+        for update in bus.take(MAP):
+            self.map.add(update)
+        arrived_s = now_s - bus.age_s(POSE)
+        for estimate in bus.take(POSE):
+            if estimate.valid:
+                self._add_pose(estimate, arrived_s)
+        for ranges in bus.take(RANGES):
+            self._add_echo(ranges)
+
+    def look(self, now_s: float, holding: bool) -> None:
+        """One round over what the source has; `holding`: stand and take photos of what is in view."""
+        preview = self._source.preview(now_s)
+        if preview is not None:
+            self.frame_seen_s = now_s
+            self._held = preview
+        full = self._source.full(now_s)
+        if full is not None:
+            self._full = full
+        if self._held is not None and self._posed(self._held, now_s):
+            frame, self._held = self._held, None
+            self._look_at_preview(frame, now_s, holding)
+        if self._full is not None and self._posed(self._full, now_s):
+            frame, self._full = self._full, None
+            self._send_to_reader(frame, now_s)
+        for reading in self.worker.results(now_s):
+            self._record(reading, now_s)
+
+    def close(self) -> None:
+        self._source.close()
+        self.worker.close()
+
+    @property
+    def turning(self) -> bool:
+        return self.history.motion()[1] > TURNING_RAD_S
+
+    def _add_pose(self, estimate: PoseEstimate, arrived_s: float) -> None:
+        self.history.add(estimate, arrived_s)
+        pose = self.history.newest
+        if pose is not None and self._last is not None:
+            self._driven_m += hypot(pose.x_m - self._last.x_m, pose.y_m - self._last.y_m)
+        self._last = pose
+
+    def _add_echo(self, ranges: Ranges) -> None:
+        if not ranges.valid or self.turning:
+            return
+        pose = self.history.at_stamp(ranges.t_s - ranges.age_s[SONAR_RIGHT])
+        if pose is not None:
+            self._walls.add(pose, ranges.range_m[SONAR_RIGHT])
+
+    def _posed(self, frame: Frame, now_s: float) -> bool:
+        """The pose of its moment is known, or will not become better known."""
+        return self.history.covers(frame.t_s) or now_s - frame.t_s > POSE_WAIT_S
+
+    def _beside(self, frame: Frame) -> tuple[Pose2, WallLine] | None:
+        pose = self.history.at(frame.t_s)
+        wall = self._walls.wall(pose) if pose is not None else None
+        return (pose, wall) if pose is not None and wall is not None else None
+
+    def _look_at_preview(self, frame: Frame, now_s: float, holding: bool) -> None:
+        if self.turning:
+            self._doors.turned()
+            return
+        place = self._beside(frame)
+        if place is None or now_s - frame.t_s > FRAME_AGE_MAX_S:
+            return
+        pose, wall = place
+        image = frame.image
+        camera = self._preview_camera
+        if image.shape[1::-1] != PREVIEW_SIZE_PX:
+            image = cv2.resize(image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA)
+        self._find_edges(image, pose, wall, now_s)
+        spaced = self._driven_m - self._full_at_m >= FULL_SPACING_M
+        if holding:
+            spaced = now_s - self._full_at_s >= STANDING_SPACING_S
+        if not spaced or self.worker.pending >= JOBS_AT_ONCE:
+            return
+        gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        if any(self._worth_reading(box, camera, pose, wall) for box in sign_candidates(gray, camera, wall.distance_m)):
+            self._full_at_m, self._full_at_s = self._driven_m, now_s
+            self._source.request_full()
+
+    def _find_edges(self, preview: Image, pose: Pose2, wall: WallLine, now_s: float) -> None:
+        for edge in self._doors.edges(preview, self._preview_camera, wall, self._driven_m):
+            point = wall.point(pose, self._preview_camera.bearing_rad(edge.u_px))
+            if point is not None:
+                self.records.add_edge(edge.side, point, now_s)
+
+    def _worth_reading(self, box: Box, camera: CameraModel, pose: Pose2, wall: WallLine) -> bool:
+        point = wall.point(pose, camera.bearing_rad(box.centre_px[0]))
+        if point is None:
+            return False
+        sign = self.records.sign_at(point)
+        return sign is None or not sign.settled
+
+    def _send_to_reader(self, frame: Frame, now_s: float) -> None:
+        place = self._beside(frame)
+        if place is None or self.turning:
+            return
+        pose, wall = place
+        camera = self._full_camera
+        small = cv2.resize(frame.image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA)
+        gray = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
+        factor = frame.image.shape[1] / PREVIEW_SIZE_PX[0]
+        sent: list[float] = []
+        for box in sign_candidates(gray, self._preview_camera, wall.distance_m):
+            whole = box.scaled(factor)
+            near = any(abs(whole.centre_px[0] - u) * camera.metres_per_px(wall.distance_m) < 0.3 for u in sent)
+            if not near and self._worth_reading(box, self._preview_camera, pose, wall):
+                sent.append(whole.centre_px[0])
+                self.worker.submit(Job(frame, pose, wall, whole), now_s)
+
+    def _record(self, reading: Reading, now_s: float) -> None:
+        job = reading.job
+        self.photos_read += 1
+        if not reading.findings:
+            point = self._point(job, job.candidate.centre_px[0])
+            if point is not None:
+                self.records.add_blank(point, now_s)
+        for finding in reading.findings:
+            point = self._point(job, finding.u_px)
+            if point is not None:
+                sign = self.records.add_sign(point, now_s, finding.reading)
+                sign.distance_m = job.wall.distance_m
+                quality = self._quality(finding)
+                if quality > sign.photo_quality:
+                    sign.photo, sign.photo_quality = jpeg(job.frame.image), quality
+
+    def _quality(self, finding: Finding) -> float:
+        """Sharp, and not far from the middle of the picture."""
+        aside = abs(finding.u_px / self._full_camera.width_px - 0.5)
+        return finding.sharpness.gradient * (1.0 - aside)
+
+    def _point(self, job: Job, u_px: float) -> WallPoint | None:
+        return job.wall.point(job.pose, self._full_camera.bearing_rad(u_px))
+
+
+def jpeg(image: Image) -> bytes:
+    """The photo of a record: the whole view, small."""
+    small = cv2.resize(image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA)
+    works, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, PHOTO_QUALITY])
+    return data.tobytes() if works else b""

@@ -1,0 +1,229 @@
+"""The page as a person sees it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import WebSocketRoute, expect
+
+from tests.browser.conftest import Robot, Visit
+
+pytestmark = pytest.mark.timeout(60)
+
+Open = Callable[..., Visit]
+
+
+@pytest.mark.requirement("VSL_MR_04")
+def test_the_map_is_drawn_and_grows(robot: Robot, visit: Open) -> None:
+    robot.wall(0.0)
+    robot.pose()
+    seen = visit(robot)
+    seen.until(lambda: seen.wall_pixels() > 200, "a wall on the map")
+    before = seen.wall_pixels()
+    robot.wall(2.5)
+    seen.until(lambda: seen.wall_pixels() > 1.5 * before, "the second wall")
+
+
+@pytest.mark.requirement("VSL_MR_04")
+@pytest.mark.parametrize("how", ["mouse", "keyboard", "touch"])
+def test_an_asterisk_opens_name_number_room_and_photo(robot: Robot, visit: Open, how: str) -> None:
+    robot.floor()
+    seen = visit(robot, has_touch=how == "touch")
+    asterisk = seen.page.get_by_role("button", name="Door 101 Office")
+    if how == "mouse":
+        asterisk.click()
+    elif how == "touch":
+        asterisk.tap()
+    else:
+        asterisk.press("Enter")
+    dialog = seen.page.get_by_role("dialog")
+    expect(dialog).to_be_visible()
+    assert dialog.locator("[data-field]").all_inner_texts()[:3] == ["Door", "101", "Office"]
+    photo = dialog.get_by_role("img", name="Photo of Office 101")
+    expect(photo).to_be_visible()
+    seen.until(lambda: photo.evaluate("image => image.naturalWidth") == 320, "the photo")
+    seen.page.keyboard.press("Escape")
+    expect(dialog).to_be_hidden()
+    seen.until(lambda: seen.page.evaluate("location.hash") == "", "the address without it")
+
+
+def test_the_page_asks_nobody_but_its_own_server(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    seen.until_live(robot)
+    seen.page.get_by_role("button", name="Door 102 Laboratory").click()
+    expect(seen.page.get_by_role("img", name="Photo of")).to_be_visible()
+    seen.until(lambda: any("photos/2.jpg" in address for address in seen.asked), "the photo being asked for")
+    hosts = {re.sub(r"^\w+://([^/]+)/.*", r"\1", address) for address in seen.asked if ":" in address[:6]}
+    assert hosts == {f"127.0.0.1:{robot.server.port}"}
+
+
+def test_old_data_are_marked_stale_and_the_map_turns_grey(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    seen.until_live(robot)
+    alert = seen.page.locator("#banner")
+    robot.late_s += 60.0
+    seen.until_link("silent")
+    expect(alert).to_contain_text(
+        re.compile(r"STALE: nothing from the robot for 6\d s\. Last known position and map, 6\d s old\.")
+    )
+    assert "grayscale" in seen.page.locator("#base").evaluate("canvas => getComputedStyle(canvas).filter")
+    expect(seen.page.locator("#position")).to_contain_text(re.compile(r"6\d s ago"))
+    seen.until_live(robot)
+    expect(alert).to_be_hidden()
+
+
+def test_a_server_that_falls_silent_is_noticed_though_its_socket_is_open(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    sockets: list[WebSocketRoute] = []
+    frozen = False
+
+    def freezable(socket: WebSocketRoute) -> None:
+        sockets.append(socket)
+        server = socket.connect_to_server()
+        server.on_message(lambda message: None if frozen else socket.send(message))
+
+    seen.page.route_web_socket(re.compile("/live$"), freezable)
+    seen.page.reload()
+    seen.until_live(robot)
+    frozen = True
+    seen.until_link("stale", "silent")
+    assert len(sockets) == 1
+
+
+def test_a_restarted_server_fills_the_page_again(visit: Open) -> None:
+    first = Robot()
+    first.wall(0.0)
+    first.pose()
+    seen = visit(first)
+    seen.until_live(first)
+    first.server.close()
+    seen.until_link("lost")
+    expect(seen.page.locator("#banner")).to_contain_text("Last known position")
+    second = Robot(first.server.port)
+    try:
+        second.floor()
+        seen.until(lambda: seen.page.locator(".marker").count() == 3, "the points of interest")
+        seen.until_live(second)
+        seen.until(lambda: seen.wall_pixels() > 200, "the map")
+    finally:
+        second.server.close()
+
+
+def test_a_reloaded_page_fills_itself_again(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    seen.until(lambda: seen.wall_pixels() > 200, "the map")
+    seen.page.reload()
+    seen.until(lambda: seen.wall_pixels() > 200, "the map")
+    expect(seen.page.locator(".marker")).to_have_count(3)
+
+
+def test_an_address_opens_its_point_of_interest_also_when_that_is_found_later(robot: Robot, visit: Open) -> None:
+    robot.wall(0.0)
+    seen = visit(robot, "#poi=9")
+    seen.until_live(robot)
+    expect(seen.page.get_by_role("dialog")).to_be_hidden()
+    robot.door(9, "209", "Kitchen")
+    expect(seen.page.get_by_role("dialog")).to_contain_text("Kitchen 209")
+    expect(seen.page.get_by_role("dialog")).to_contain_text("No photo of it yet.")
+
+
+def test_the_list_is_searched_filtered_and_opened_by_keys(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    rows = seen.page.locator("#poi-list button")
+    expect(rows).to_have_count(3)
+    seen.page.keyboard.press("/")
+    seen.page.keyboard.type("labor 10")
+    expect(rows).to_have_count(1)
+    expect(seen.page.locator("#poi-count")).to_have_text("1 of 3")
+    seen.page.keyboard.press("ArrowDown")
+    seen.page.keyboard.press("Enter")
+    expect(seen.page.get_by_role("dialog")).to_contain_text("Laboratory 102")
+    seen.page.keyboard.press("Escape")
+    seen.page.locator("#search").press("Escape")
+    seen.page.get_by_role("button", name="To check").click()
+    expect(rows).to_have_count(1)
+    expect(rows).to_have_accessible_name("Door, Not readable")
+
+
+def test_a_new_point_of_interest_does_not_take_the_focus_away(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    row = seen.page.locator('#poi-list [data-poi="2"]')
+    row.focus()
+    robot.door(4, "100")
+    expect(seen.page.locator("#poi-list button")).to_have_count(4)
+    expect(row).to_be_focused()
+
+
+@pytest.mark.requirement("VSL_MR_04")
+def test_one_centimetre_on_the_screen_is_one_metre(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    seen.until_live(robot)
+    seen.page.keyboard.press("1")
+    expect(seen.page.locator("#scale-bar")).to_contain_text("1 : 100")
+    boxes = [seen.page.locator(f'.marker[data-poi="{k}"]').bounding_box() for k in (1, 2)]
+    assert all(box is not None for box in boxes)
+    apart_px = abs(_middle(boxes[1]) - _middle(boxes[0]))
+    assert apart_px == pytest.approx(96 / 2.54, abs=0.3)
+
+
+def _middle(box: Any) -> float:
+    return float(box["x"] + box["width"] / 2)
+
+
+def test_the_view_zooms_moves_turns_and_measures(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    page = seen.page
+    seen.until(lambda: page.locator(".marker").count() == 3, "the points of interest")
+
+    def apart() -> tuple[float, float]:
+        one, two = (page.locator(f'.marker[data-poi="{k}"]').bounding_box() for k in (1, 2))
+        assert one is not None
+        assert two is not None
+        return two["x"] - one["x"], two["y"] - one["y"]
+
+    before = apart()
+    page.mouse.move(400, 300)
+    page.mouse.wheel(0, -300)
+    seen.until(lambda: apart()[0] > 1.2 * before[0], "the map being larger")
+    page.keyboard.press("0")
+    seen.until(lambda: apart()[0] == pytest.approx(before[0], abs=1), "everything being shown")
+    page.keyboard.press("[")
+    seen.until(lambda: apart()[1] < -5, "the map being turned to the left")
+    page.keyboard.press("r")
+    page.mouse.down()
+    page.mouse.move(600, 300)
+    page.mouse.up()
+    expect(page.get_by_title("Measure")).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("Escape")
+    expect(page.get_by_title("Measure")).to_have_attribute("aria-pressed", "false")
+    page.keyboard.press("f")
+    expect(page.get_by_title("Follow the robot")).to_have_attribute("aria-pressed", "true")
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_is_wider_than_the_screen(robot: Robot, visit: Open, width: int) -> None:
+    robot.floor()
+    seen = visit(robot, viewport={"width": width, "height": 800})
+    seen.until_live(robot)
+    assert seen.page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_the_map_can_be_taken_away_as_a_file(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    seen.page.get_by_text("Export").click()
+    with seen.page.expect_download() as download:
+        seen.page.get_by_role("link", name="SVG").click()
+    assert download.value.suggested_filename == "robot1-map.svg"
+    assert download.value.path().read_text(encoding="utf-8").startswith("<svg ")

@@ -1,0 +1,345 @@
+"""The run database holds what was said, once and in order, whatever is killed or cut off meanwhile.
+
+What was said is known from the producers themselves: each writes the boot id and the newest sequence number of its
+topics into a file (`talker.py`), and a database is compared with that.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import msgpack
+import pytest
+import zenoh
+
+from common.clock import FreeClock
+from common.codec import CODEC_VERSION, encode
+from common.config import Config, config_text, load_config
+from common.errors import ErrorCode
+from common.frames import MESSAGE_BYTES_MAX
+from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, STATUS, TOPICS, Status
+from common.zenoh_bus import ZenohBus, session_config
+from offboard.recorder.run_database import RunReader
+from tests.system.conftest import ROOT, Mesh, children_of, environment, until
+from tests.system.relay import Relay
+
+pytestmark = pytest.mark.timeout(120)
+BLOCK = zenoh.CongestionControl.BLOCK
+TALKER = Path(__file__).with_name("talker.py")
+Said = dict[tuple[str, int], int]  # topic and boot id -> newest sequence number
+
+
+class Recording:
+    """comm, recorder and two modules that talk."""
+
+    def __init__(self, mesh: Mesh, run_dir: Path | None = None, robot: str | None = None) -> None:
+        """`robot`: where the recorder finds the robot, when that is not comm's own address."""
+        self.mesh = mesh
+        self.run_dir = run_dir or mesh.folder / "run"
+        self.laptop_config = mesh.folder / "laptop.toml"
+        config = replace(mesh.config, mesh=replace(mesh.config.mesh, router=robot or mesh.config.mesh.router))
+        self.laptop_config.write_text(config_text(config), encoding="utf-8")
+        for name in ("comm", "recorder", "mmu", "poi"):
+            self.start(name)
+        until(lambda: self.stored() > 100, 20.0, "the first messages in the database")
+
+    def start(self, name: str) -> None:
+        if name == "comm":
+            self.mesh.start(name)
+        elif name == "recorder":
+            extra = ("--run-dir", str(self.run_dir), "--config", str(self.laptop_config))
+            self.mesh.start(name, "-m", "offboard.recorder", extra=extra)
+        else:
+            self.mesh.start(name, str(TALKER), name)
+
+    def kill(self, name: str, down_s: float = 0.5) -> None:
+        process = self.mesh.processes[name]
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        if process.stderr is not None:
+            process.stderr.close()
+        time.sleep(down_s)  # what a restart takes: meanwhile the others talk
+        self.start(name)
+
+    def stored(self) -> int:
+        try:
+            with RunReader(self.run_dir) as run:
+                return sum(run.counts().values())
+        except (ValueError, sqlite3.Error):
+            return 0
+
+    def said(self) -> Said:
+        """By the modules, up to their end."""
+        said: Said = {}
+        for name in ("mmu", "poi"):
+            text = (self.mesh.folder / f"{name}.said").read_text(encoding="utf-8")
+            said |= {(topic, boot_id): newest for topic, boot_id, newest in json.loads(text)}
+        return said
+
+    def silence(self) -> Said:
+        """The modules end and tell what they said; waits until the database holds it."""
+        for name in ("mmu", "poi"):
+            self.mesh.processes[name].send_signal(signal.SIGTERM)
+            assert self.mesh.processes[name].wait(10.0) == 0
+        said = self.said()
+        until(lambda: self.missing(said) == {}, 40.0, f"the rest in the database: {self.missing(said)}")
+        return said
+
+    def missing(self, said: Said) -> dict[tuple[str, int], int]:
+        with RunReader(self.run_dir) as run:
+            senders = run.senders()
+        counts = {source: newest - senders.get(source, (0, 0))[1] for source, newest in said.items()}
+        return {source: count for source, count in counts.items() if count}
+
+    def assert_once_and_in_order(self, said: Said) -> None:
+        with RunReader(self.run_dir) as run:
+            senders, dropped = run.senders(), run.dropped()
+            assert {source: senders[source] for source in said} == {s: (newest, newest) for s, newest in said.items()}
+            assert dropped == {}
+            assert run.problems() == {}
+            # comm's own too: numbers without a hole, also of those that were killed
+            holes = {source: found for source, found in senders.items() if found[0] != found[1]}
+            assert holes == {}
+        with sqlite3.connect(self.run_dir / "run.sqlite") as database:
+            query = "SELECT topic, boot_id, sequence FROM messages ORDER BY row"
+            newest: Said = {}
+            for topic, boot_id, sequence in database.execute(query):
+                assert sequence == newest.get((topic, boot_id), 0) + 1, (topic, boot_id)
+                newest[topic, boot_id] = sequence
+
+
+@pytest.fixture
+def recording(mesh: Mesh) -> Recording:
+    return Recording(mesh)
+
+
+def more(recording: Recording, count: int) -> Callable[[], bool]:
+    """So many more messages than now are in the database."""
+    before = recording.stored()
+    return lambda: recording.stored() > before + count
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_recorder_killed_three_times_leaves_no_hole_and_no_double(recording: Recording) -> None:
+    for _ in range(3):
+        recording.kill("recorder")
+        until(more(recording, 50), 20.0, "messages in the database again")
+    recording.assert_once_and_in_order(recording.silence())
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_comm_killed_five_times_leaves_no_hole_and_no_double(recording: Recording) -> None:
+    for _ in range(5):
+        recording.kill("comm", down_s=1.0)
+        until(more(recording, 50), 20.0, "messages in the database again")
+    recording.assert_once_and_in_order(recording.silence())
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_what_was_said_while_the_recorder_was_away_arrives_from_the_robots_disk(recording: Recording) -> None:
+    recorder = recording.mesh.processes["recorder"]
+    recorder.send_signal(signal.SIGTERM)
+    assert recorder.wait(10.0) == 0
+    said = {}
+    for name in ("mmu", "poi"):
+        recording.mesh.processes[name].send_signal(signal.SIGTERM)
+        assert recording.mesh.processes[name].wait(10.0) == 0
+    said = recording.said()
+    # The robot restarts before the laptop is there again: nobody but the disk knows what was said
+    time.sleep(0.5)
+    recording.kill("comm", down_s=0.1)
+    recording.start("recorder")
+    until(lambda: recording.missing(said) == {}, 20.0, "the rest in the database")
+    recording.assert_once_and_in_order(said)
+
+
+class Witness:
+    """Hears what all modules of a running `local` say, beside the recorder."""
+
+    def __init__(self, config_file: Path) -> None:
+        self.heard: Said = {}
+        self._bus = ZenohBus("witness", load_config(config_file), FreeClock())
+        self._bus.tap((*ROBOT_RECORDED, *LAPTOP_RECORDED), {})
+
+    def listen(self) -> None:
+        for frame in self._bus.take_frames():
+            self.heard[frame.key, frame.boot_id] = frame.sequence
+
+    def close(self) -> None:
+        self._bus.close()
+
+
+@pytest.fixture
+def local(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A headless run; `tmp_path / "run"` is its folder."""
+    arguments = ["local", "--floor", "straight", "--headless", "--out", str(tmp_path / "run")]
+    with (tmp_path / "output.txt").open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "deploy.cli", *arguments], env=environment(), cwd=ROOT, stdout=output, stderr=output
+        )
+    yield process
+    process.terminate()
+    process.wait(45.0)
+
+
+def rows_left_in_outbox(file: Path) -> Said:
+    """Newest sequence number of what the robot still had for the recorder."""
+    left: Said = {}
+    with sqlite3.connect(file) as database:
+        for (row,) in database.execute("SELECT data FROM rows ORDER BY number"):
+            for topic, boot_id, sequence, _ in msgpack.unpackb(row)[0]:
+                left[topic, boot_id] = sequence
+    return left
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_recorder_and_comm_killed_in_a_mission_leave_no_hole_and_no_double(
+    local: subprocess.Popen[str], tmp_path: Path
+) -> None:
+    run_dir = tmp_path / "run"
+    missing: Said = {}
+    output = tmp_path / "output.txt"
+    until(lambda: "mission has started" in output.read_text(encoding="utf-8"), 60.0, "the start")
+    witness = Witness(run_dir / "process" / "robot.toml")
+    try:
+        for victim in ("recorder", "comm", "recorder", "comm", "recorder"):
+            pid = children_of(run_dir)[victim]
+            os.kill(pid, signal.SIGKILL)
+
+            def back(victim: str = victim, pid: int = pid) -> bool:
+                witness.listen()
+                return children_of(run_dir).get(victim, pid) != pid
+
+            until(back, 20.0, f"the restart of {victim}")
+            heard = dict(witness.heard)
+
+            def stored(heard: Said = heard) -> bool:
+                witness.listen()
+                with RunReader(run_dir) as run:
+                    senders = run.senders()
+                behind = {s: newest for s, newest in heard.items() if senders.get(s, (0, 0))[0] < newest}
+                missing.clear()
+                missing.update(behind)
+                return not behind
+
+            until(stored, 30.0, missing)
+    finally:
+        witness.close()
+    local.terminate()
+    assert local.wait(45.0) == 130
+    with RunReader(run_dir) as run:
+        senders, dropped = run.senders(), run.dropped()
+    assert dropped == {}
+    assert {source: found for source, found in senders.items() if found[0] != found[1]} == {}
+    left = rows_left_in_outbox(run_dir / "process" / "outbox.sqlite")
+    newest = {source: max(found[0], left.get(source, 0)) for source, found in senders.items()}
+    behind = {s: said - newest.get(s, 0) for s, said in witness.heard.items() if said > newest.get(s, 0)}
+    assert {s for s in behind if s[0] not in {topic.key for topic in LAPTOP_RECORDED}} == set()
+
+
+def junk() -> list[bytes]:
+    """What is no message: random, cut off, of another version."""
+    chance = random.Random(1)
+    sound = encode(Status(1.0, "RUN", 0, 1, True, 1), 3, 77)
+    return [chance.randbytes(300), sound[:-4], msgpack.packb([CODEC_VERSION + 1, 1, 78, {}]), b""]
+
+
+def throw_at_every_topic(config: Config, payloads: list[bytes]) -> None:
+    with zenoh.open(session_config("client", config.mesh.router)) as stranger:
+        for topic in TOPICS:
+            for payload in payloads:
+                stranger.put(f"{config.robot.name}/{topic.key}", payload, congestion_control=BLOCK)
+
+
+def test_junk_on_every_topic_is_counted_and_reported_and_nothing_falls_over(recording: Recording) -> None:
+    throw_at_every_topic(recording.mesh.config, [*junk(), bytes(MESSAGE_BYTES_MAX + 1)])
+    until(more(recording, 50), 30.0, "messages in the database again")
+    for name in ("comm", "recorder"):
+        assert recording.mesh.processes[name].poll() is None
+
+    def reported() -> bool:
+        with RunReader(recording.run_dir) as run:
+            lines = [entry.line.text for entry in run.logs()]
+        return all(any(said in line for line in lines) for said in ("no message topic", "undecodable", "too many"))
+
+    until(reported, 20.0, "the report")
+    with RunReader(recording.run_dir) as run:
+        assert set(run.problems()) == {topic.key for topic in TOPICS if topic.recorded}
+    said = recording.silence()
+    with RunReader(recording.run_dir) as run:
+        assert {source: run.senders()[source] for source in said} == {s: (newest, newest) for s, newest in said.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_payload_of_100_megabytes_on_every_topic_changes_nothing(recording: Recording) -> None:
+    throw_at_every_topic(recording.mesh.config, [bytes(100_000_000)])
+    until(more(recording, 50), 120.0, "messages in the database again")
+    said = recording.silence()
+    with RunReader(recording.run_dir) as run:
+        assert {source: run.senders()[source] for source in said} == {s: (newest, newest) for s, newest in said.items()}
+
+
+@pytest.fixture
+def relay(mesh: Mesh) -> Iterator[Relay]:
+    made = Relay(mesh.config.mesh.router)
+    yield made
+    made.close()
+
+
+@pytest.mark.slow
+@pytest.mark.requirement("CM_MR_01")
+def test_a_slow_link_that_comes_and_goes_leaves_no_hole_and_no_double(mesh: Mesh, relay: Relay) -> None:
+    relay.delay_s = 0.1
+    recording = Recording(mesh, robot=relay.endpoint)
+    for k in range(4):
+        (relay.cut if k % 2 else relay.silence)()
+        time.sleep(1.5)  # longer than the lease: both sides give the link up
+        relay.restore()
+        until(more(recording, 20), 20.0, "messages over the link again")
+    recording.assert_once_and_in_order(recording.silence())
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    folder = tmp_path / "small"
+    folder.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", folder], check=False).returncode:
+        pytest.skip("only root can mount a small disk: run the tests with sudo, or in a container")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_a_full_disk_under_the_recorder_costs_nothing_once_there_is_space(mesh: Mesh, small_disk: Path) -> None:
+    recording = Recording(mesh, small_disk / "run")
+    ballast = small_disk / "ballast"
+    with suppress(OSError), ballast.open("wb") as file:
+        while True:
+            file.write(bytes(4096))
+    mesh.bus.latest(STATUS["recorder"])
+
+    def error() -> int:
+        status = mesh.bus.latest(STATUS["recorder"])
+        return status.error_code if status is not None else ErrorCode.OK
+
+    until(lambda: error() == ErrorCode.DISK_FULL, 20.0, "the report of the full disk")
+    stored = recording.stored()
+    time.sleep(2.0)
+    assert recording.stored() == stored
+    assert mesh.processes["recorder"].poll() is None
+    subprocess.run(["mount", "-o", "remount,size=100m", small_disk], check=True)
+    ballast.unlink()
+    until(lambda: error() == ErrorCode.OK, 20.0, "the report that there is space")
+    recording.assert_once_and_in_order(recording.silence())

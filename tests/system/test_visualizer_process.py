@@ -1,0 +1,104 @@
+"""The visualizer as a process of the real mesh: killed and started again, it fills its pages again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+
+from common.clock import FreeClock
+from common.config import VisualizerSection, config_text
+from common.messages import MAP, POSE, STATUS, MapUpdate, PoseEstimate
+from common.zenoh_bus import ZenohBus
+from offboard.recorder import run_folder
+from tests.system.conftest import Mesh, free_endpoint, until
+
+pytestmark = pytest.mark.timeout(60)
+
+DOOR: dict[str, Any] = {"poi_id": 4, "name": "Door", "x_m": 1.0, "y_m": 2.0, "number": "101", "room_type": "Office"}
+
+
+@pytest.fixture
+def port(mesh: Mesh) -> int:
+    found = int(free_endpoint().rsplit(":", 1)[1])
+    config = dataclasses.replace(mesh.config, visualizer=VisualizerSection(port=found))
+    mesh.config_file.write_text(config_text(config), encoding="utf-8")
+    return found
+
+
+@pytest.fixture
+def mmu(mesh: Mesh) -> Iterator[ZenohBus]:
+    mesh.start("comm")
+    until(lambda: "comm" in mesh.bus.alive_tokens(), 20.0, "the router")
+    bus = ZenohBus("mmu", mesh.config, FreeClock())
+    yield bus
+    bus.close()
+
+
+def start(mesh: Mesh) -> None:
+    mesh.start("visualizer", "-m", "offboard.visualizer", extra=("--run-dir", str(mesh.folder)))
+
+
+def read_until(port: int, complete: Callable[[dict[str, Any]], bool], say: Callable[[], None]) -> dict[str, Any]:
+    """Opens the page's socket as soon as it is there and reads heads of frames, newest by channel, until `complete`."""
+    heard: dict[str, Any] = {}
+    end_s = time.monotonic() + 20.0
+    while time.monotonic() < end_s:
+        say()
+        try:
+            page = connect(f"ws://127.0.0.1:{port}/live", open_timeout=2)
+        except OSError:
+            time.sleep(0.05)
+            continue
+        with page:
+            while time.monotonic() < end_s:
+                say()
+                message = page.recv(timeout=5)
+                if isinstance(message, bytes):
+                    message = message[4 : 4 + int.from_bytes(message[:4], "little")].decode()
+                frame = json.loads(message)
+                heard[frame["channel"]] = frame
+                if complete(heard):
+                    return heard
+    pytest.fail(f"the page heard only {heard}")
+
+
+@pytest.mark.requirement("VSL_MR_01", "VSL_MR_05")
+def test_a_killed_visualizer_fills_its_pages_again(mesh: Mesh, mmu: ZenohBus, port: int) -> None:
+    run_folder.write_json(mesh.folder / run_folder.POIS_NAME, [DOOR])
+    for start_at in (0, 10):
+        points = np.zeros((10, 2), np.float32)
+        mmu.publish(MAP, MapUpdate(0.0, 1, start_at, points, np.zeros(10, np.uint8)))
+
+    def say() -> None:
+        mmu.publish(POSE, PoseEstimate(0.0, 1.0, 2.0, 0.0, 0.0, 0.01, 0.01, 1))
+        time.sleep(0.05)
+
+    def complete(heard: dict[str, Any]) -> bool:
+        fresh = (heard.get("heartbeat", {}).get("age_s", {}).get("pose") or 9.0) < 1.0
+        return fresh and heard.get("map", {}).get("count") == 20 and {"pose", "pois"} <= set(heard)
+
+    for _ in range(2):
+        start(mesh)
+        heard = read_until(port, complete, say)
+        assert [poi["number"] for poi in heard["pois"]["pois"]] == ["101"]
+        until(lambda: mesh.bus.latest(STATUS["visualizer"]), what="its status")
+        mesh.processes["visualizer"].kill()
+        mesh.processes["visualizer"].wait()
+
+
+def test_a_taken_page_port_is_one_sentence_and_exit_code_2(mesh: Mesh, port: int) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", port))
+        other.listen()
+        result = mesh.command("node", "visualizer")
+    assert result.returncode == 2
+    assert f"cannot be served at 127.0.0.1 port {port}" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1

@@ -1,0 +1,145 @@
+"""A robot that answers as the real one does, and the Command Center's node beside it, on one clock that the test turns.
+
+The app of the pilot tests shows the node; nothing here waits for real time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.bus import LocalMesh
+from common.errors import ErrorCode
+from common.messages import (
+    CARRIER,
+    LOG,
+    MAP,
+    ODOMETRY,
+    OPERATION,
+    PERMIT,
+    PLAN,
+    POI,
+    POSE,
+    STATUS,
+    STOP,
+    CarrierReport,
+    CarrierState,
+    LogLine,
+    MapUpdate,
+    Odometry,
+    OperatorCommand,
+    Permit,
+    PlannerView,
+    PointOfInterest,
+    PoseEstimate,
+    Status,
+    StopRequest,
+)
+from offboard.command_center.app import CommandCenterApp
+from offboard.command_center.command_center import CommandCenter
+
+TICK_S = 0.05
+BRAKING_S = 0.2
+SPEAKING = ("sim", "car", "bridge", "mmu", "planner", "comm", "recorder")
+
+
+def piloted(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    """Runs an asynchronous test."""
+
+    @wraps(test)
+    def run(*arguments: Any, **named: Any) -> None:
+        asyncio.run(test(*arguments, **named))
+
+    return run
+
+
+class Rig:
+    """`run` lets time pass for robot and node; `silent` names modules that say nothing, `deaf` stops hear nothing."""
+
+    def __init__(self) -> None:
+        self.mesh = LocalMesh()
+        self.bus = self.mesh.endpoint("command_center")
+        self.robot = self.mesh.endpoint("robot")
+        self.node = CommandCenter(lambda: self.mesh.now_s)
+        self.silent: set[str] = set()
+        self.errors: dict[str, ErrorCode] = {}
+        self.sources: set[str] = set()
+        self.deaf = False
+        self.moves = True
+        self.stops: list[StopRequest] = []
+        self.operations: list[OperatorCommand] = []
+        self._latched_s = float("inf")
+        self._acknowledged = 0
+        self._ticks = 0
+        self.robot.take(STOP), self.robot.take(OPERATION)
+        self.run(0.5)
+
+    @property
+    def now_s(self) -> float:
+        return self.mesh.now_s
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / TICK_S)):
+            self._ticks += 1
+            self.mesh.now_s = self._ticks * TICK_S
+            self._hear()
+            if self._ticks % 2 == 0:
+                self._report()
+            self.node.step(self.bus, self.now_s)
+            self.node.stop_desk.send(self.bus)
+
+    def app(self, folder: Path, *, owns_mesh: bool = False) -> CommandCenterApp:
+        return CommandCenterApp(
+            self.node, robot="robot1", page="http://127.0.0.1:8080/", export_dir=folder, owns_mesh=owns_mesh
+        )
+
+    def log(self, module: str, level: str, text: str) -> None:
+        self.robot.publish(LOG[module], LogLine(self.now_s, level, text))
+
+    def find_door(self, number: str, x_m: float, y_m: float) -> None:
+        door = PointOfInterest(self.now_s, int(number), "Door", number, x_m, y_m, number, "OFFICE", 0.9, "read")
+        self.robot.publish(POI, door)
+
+    def draw_wall(self) -> None:
+        points = np.stack([np.linspace(0, 8, 80), np.ones(80)], axis=1).astype(np.float32)
+        self.robot.publish(MAP, MapUpdate(self.now_s, 1, 0, points, np.zeros(80, np.uint8)))
+
+    def _hear(self) -> None:
+        for request in self.robot.take(STOP):
+            self.stops.append(request)
+            if self.deaf:
+                continue
+            if request.latched and not self.sources:
+                self._latched_s = self.now_s
+            (self.sources.add if request.latched else self.sources.discard)(request.source)
+        for command in self.robot.take(OPERATION):
+            self.operations.append(command)
+            if "planner" not in self.silent:
+                self._acknowledged = command.command_id
+
+    def _report(self) -> None:
+        now_s, say = self.now_s, self.robot.publish
+        for module in SPEAKING:
+            if module not in self.silent:
+                error = self.errors.get(module, ErrorCode.OK)
+                say(STATUS[module], Status(now_s, "RUN", int(error), 51_200, error is ErrorCode.OK, self._ticks))
+        standing = (bool(self.sources) and now_s - self._latched_s >= BRAKING_S) or not self.moves
+        speed_m_s = 0.0 if standing else 0.16
+        if "bridge" not in self.silent:
+            say(ODOMETRY, Odometry(now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, speed_m_s, standing, False, False, 1))
+            say(CARRIER, CarrierReport(now_s, CarrierState.MOVING, 0, 0, 0, speed_m_s, 0, 0, True, False, 12.1))
+        if "comm" not in self.silent:
+            say(PERMIT, Permit(now_s, not self.sources, "", tuple(sorted(self.sources))))
+        if "mmu" not in self.silent:
+            say(POSE, PoseEstimate(now_s, 3.2, -1.05, 1.57, 0.0, 0.03, 0.01, 1))
+        if "planner" not in self.silent:
+            way = np.array([[4.0, 0.0]], np.float32)
+            say(
+                PLAN,
+                PlannerView(now_s, "STRAIGHT", "following the hall", way, 3, 42.5, False, True, self._acknowledged),
+            )

@@ -1,0 +1,192 @@
+"""Edges of doors in a picture, their colours, and the records that sightings become."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from common.errors import StartError
+from onboard.poi.camera_model import CameraModel
+from onboard.poi.door_detection import ColourBox, DoorDetector, DoorEdge, Side, calibrated_box, door_edges
+from onboard.poi.door_records import DoorRecords, Sign, State
+from onboard.poi.sign_placement import WallLine, WallPoint
+from onboard.poi.sign_reading import SignReading, Verdict
+
+CAMERA = CameraModel(640, 480)
+WALL = WallLine(1.3, 0.0)
+WALL_BGR, DOOR_BGR = (222, 230, 232), (62, 104, 150)
+
+
+def picture(*doors: tuple[int, int], light: float = 1.0) -> npt.NDArray[np.uint8]:
+    """A wall with doors between columns."""
+    image = np.full((480, 640, 3), WALL_BGR, np.float64)
+    for left, right in doors:
+        image[:, left:right] = DOOR_BGR
+    noise = np.random.default_rng(1).normal(0.0, 3.0, image.shape)
+    return (image * light + noise).clip(0, 255).astype(np.uint8)
+
+
+def seen(detector: DoorDetector, *images: npt.NDArray[np.uint8]) -> list[DoorEdge]:
+    """What the last of the pictures shows, the others seen before it."""
+    edges: list[DoorEdge] = []
+    for i, image in enumerate(images):
+        edges = detector.edges(image, CAMERA, WALL, 0.06 * i)
+    return edges
+
+
+@pytest.mark.requirement("POI_MR_04")
+def test_door_has_a_left_and_a_right_edge() -> None:
+    edges = seen(DoorDetector(), picture(), picture((200, 500)))
+    assert [(e.side, e.u_px) for e in edges] == [(Side.LEFT, 200.0), (Side.RIGHT, 500.0)]
+
+
+def test_slow_change_of_light_makes_no_door() -> None:
+    lights = np.linspace(1.0, 0.6, 40)
+    assert seen(DoorDetector(), *(picture(light=float(light)) for light in lights)) == []
+
+
+def test_door_that_fills_the_picture_has_no_edges() -> None:
+    assert seen(DoorDetector(), picture(), picture((0, 640))) == []
+
+
+def test_wall_that_was_met_behind_a_door_is_taken_for_the_wall() -> None:
+    edges = seen(DoorDetector(), picture((0, 640)), picture((0, 300)))
+    assert [(e.side, e.u_px) for e in edges] == [(Side.RIGHT, 300.0)]
+
+
+def test_calibrated_colours_find_what_lies_in_their_box() -> None:
+    box = calibrated_box(picture((0, 640)))
+    edges = seen(DoorDetector((box,)), picture((200, 500)))
+    assert [e.side for e in edges] == [Side.LEFT, Side.RIGHT]
+    assert ColourBox.parse(str(box)) == box
+
+
+def test_box_of_red_doors_wraps_the_hue() -> None:
+    red = np.zeros((100, 100, 3), np.uint8)
+    red[:, :50], red[:, 50:] = (20, 20, 200), (50, 20, 200)
+    box = calibrated_box(red)
+    assert box.low[0] > box.high[0]
+    assert box.holds(np.array([[[178, 220, 200], [90, 220, 200]]], np.uint8)).tolist() == [[True, False]]
+
+
+def test_box_that_is_none_is_refused_with_a_sentence() -> None:
+    with pytest.raises(StartError, match="must hold boxes like"):
+        ColourBox.parse("brown")
+
+
+def test_specks_are_no_doors() -> None:
+    door = np.zeros(640, bool)
+    door[100:104] = True
+    assert door_edges(door, 15.0) == []
+
+
+# Records. The wall runs along x, the robot stands on its side of positive y: to the right on the wall is negative x.
+
+
+def on_wall(x_m: float, y_m: float = 0.0) -> WallPoint:
+    return WallPoint(x_m, y_m, pi / 2)
+
+
+def records_with_door(centre_m: float, sightings: int = 6, backed: bool = True) -> DoorRecords:
+    records = DoorRecords(lambda left, right: backed)
+    for i in range(sightings):
+        records.add_edge(Side.LEFT, on_wall(centre_m + 0.5 + 0.01 * (i % 2)), float(i))
+        records.add_edge(Side.RIGHT, on_wall(centre_m - 0.5 + 0.01 * (i % 2)), float(i))
+    return records
+
+
+def plate(number: str, confidence: float = 0.99, room_type: str = "") -> SignReading:
+    return SignReading(Verdict.PLATE, number, room_type, confidence, (0.0, 0.0, 10.0, 10.0), (number,))
+
+
+def other() -> SignReading:
+    return SignReading(Verdict.OTHER, "", "", 0.0, (0.0, 0.0, 10.0, 10.0), ("Open day",))
+
+
+def test_door_with_its_plate_beside_it_is_one_record_at_the_doors_middle() -> None:
+    records = records_with_door(3.0)
+    for _ in range(2):
+        records.add_sign(on_wall(2.25), 7.0, plate("101", room_type="Office"))
+    (door,) = records.doors()
+    assert (door.centre.x_m, door.centre.y_m) == pytest.approx((3.005, 0.0), abs=0.01)
+    assert door.state is State.READ
+    assert door.sign is not None
+    assert (door.sign.number, door.sign.room_type) == ("101", "Office")
+
+
+def test_one_reading_is_doubtful_and_two_that_agree_are_believed() -> None:
+    records = records_with_door(3.0)
+    records.add_sign(on_wall(3.0), 7.0, plate("101"))
+    assert records.doors()[0].state is State.DOUBTFUL
+    records.add_sign(on_wall(3.0), 8.0, plate("107"))
+    assert records.doors()[0].state is State.DOUBTFUL
+    for _ in range(2):
+        records.add_sign(on_wall(3.0), 9.0, plate("101"))
+    assert records.doors()[0].state is State.READ
+
+
+def test_poster_beside_a_door_is_nobodys_plate() -> None:
+    records = records_with_door(3.0)
+    for _ in range(3):
+        sign = records.add_sign(on_wall(2.2), 7.0, other())
+    assert sign.rejected
+    assert sign.settled
+    assert not sign.wants_photo
+    assert [door.state for door in records.doors()] == [State.UNREAD]
+
+
+def test_span_without_wall_behind_it_is_no_door() -> None:
+    assert records_with_door(3.0, backed=False).doors() == []
+
+
+def test_door_that_was_hardly_seen_and_has_no_plate_is_not_told() -> None:
+    assert records_with_door(3.0, sightings=2).doors() == []
+
+
+def test_plate_goes_to_the_nearest_of_two_doors() -> None:
+    records = records_with_door(3.0)
+    for side, x_m in ((Side.LEFT, 1.9), (Side.RIGHT, 0.9)):
+        for i in range(5):
+            records.add_edge(side, on_wall(x_m), float(i))
+    for x_m, number in ((2.3, "101"), (0.7, "102")):
+        for _ in range(2):
+            records.add_sign(on_wall(x_m), 7.0, plate(number))
+    doors = {door.sign.number: door.centre.x_m for door in records.doors() if door.sign is not None}
+    assert doors == {"101": pytest.approx(3.005, abs=0.01), "102": pytest.approx(1.4, abs=0.01)}
+
+
+def test_door_seen_again_after_the_map_moved_is_still_one() -> None:
+    records = records_with_door(3.0)
+    for i in range(4):
+        records.add_edge(Side.LEFT, on_wall(3.8, 0.1), 50.0 + i)
+        records.add_edge(Side.RIGHT, on_wall(2.8, 0.1), 50.0 + i)
+    assert len(records.doors()) == 1
+
+
+def test_plate_of_an_unseen_door_stands_for_itself() -> None:
+    records = DoorRecords(lambda left, right: True)
+    for _ in range(2):
+        records.add_sign(on_wall(5.0), 1.0, plate("204"))
+    (door,) = records.doors()
+    assert door.edges == ()
+    assert door.centre.x_m == 5.0
+
+
+def test_one_edge_tells_where_the_door_of_a_plate_is() -> None:
+    records = DoorRecords(lambda left, right: True)
+    for i in range(3):
+        records.add_edge(Side.RIGHT, on_wall(5.25), float(i))
+        records.add_sign(on_wall(5.0), float(i), plate("204"))
+    (door,) = records.doors()
+    assert door.centre.x_m == pytest.approx(5.25 + 0.53, abs=0.01)
+
+
+def test_sign_that_was_never_legible_wants_a_photo() -> None:
+    records = DoorRecords(lambda left, right: True)
+    unclear = SignReading(Verdict.UNCLEAR, "", "", 0.0, (0.0, 0.0, 1.0, 1.0), ("3",))
+    sign: Sign = records.add_sign(on_wall(5.0), 1.0, unclear)
+    assert sign.wants_photo
+    assert records.doors() == []

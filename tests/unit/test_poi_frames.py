@@ -1,0 +1,285 @@
+"""Frame sources, the socket of the simulated camera, the reading workers, and photos from the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import cv2
+import numpy as np
+import pytest
+
+from common.config import load_config
+from common.errors import StartError
+from common.geometry import Pose2
+from deploy.cli import main
+from offboard.simulator.camera import Camera
+from offboard.simulator.floor import Plate
+from offboard.simulator.frame_server import FrameServer
+from offboard.simulator.sign_textures import draw_plate
+from onboard.poi.calibration import field_of_view_deg
+from onboard.poi.camera_model import CameraModel
+from onboard.poi.frame import Frame, Image
+from onboard.poi.frame_socket import SocketFrames
+from onboard.poi.frame_source import open_source
+from onboard.poi.reading_worker import DeferredWorker, Job, Reading, ThreadWorker, read
+from onboard.poi.sharpness import sharpness
+from onboard.poi.sign_detection import Box, sign_candidates
+from onboard.poi.sign_placement import WallLine
+from onboard.poi.sign_reading import SignRules, TextLine, Verdict
+
+
+class DrawnCamera:
+    """Stands in for the camera of a simulation."""
+
+    def preview(self) -> Image:
+        return np.full((480, 640, 3), 7, np.uint8)
+
+    def full(self) -> Image:
+        return np.full((960, 1280, 3), 9, np.uint8)
+
+
+def until(condition: Callable[[], Any], within_s: float = 10.0) -> Any:
+    deadline_s = time.monotonic() + within_s
+    while not (value := condition()):
+        assert time.monotonic() < deadline_s, "waited too long"
+        time.sleep(0.005)
+    return value
+
+
+@pytest.fixture
+def socket_path() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as folder:  # short: a socket's path may have 107 characters
+        yield Path(folder) / "frames"
+
+
+def test_previews_come_by_themselves_and_full_frames_on_request(socket_path: Path) -> None:
+    server = FrameServer(cast(Camera, DrawnCamera()), socket_path)
+    source = SocketFrames(socket_path)
+    clock = iter(np.arange(0.0, 1e4, 0.05))
+
+    def preview() -> Frame | None:
+        server.step(float(next(clock)))
+        return source.preview(0.0)
+
+    def full() -> Frame | None:
+        source.request_full()
+        server.step(float(next(clock)))
+        return source.full(0.0)
+
+    assert until(preview).image.shape == (480, 640, 3)
+    frame = until(full)
+    assert frame.image.shape == (960, 1280, 3)
+    assert frame.t_s > 0.0
+    source.close()
+    server.close()
+
+
+def test_server_that_comes_later_and_again_is_found(socket_path: Path) -> None:
+    source = SocketFrames(socket_path)
+    source.request_full()
+    for start_s in (0.0, 100.0):
+        server = FrameServer(cast(Camera, DrawnCamera()), socket_path)
+        clock = iter(np.arange(start_s, start_s + 1e4, 0.05))
+
+        def looks(server: FrameServer = server, clock: Iterator[float] = clock) -> Frame | None:
+            server.step(float(next(clock)))
+            return source.preview(0.0)
+
+        assert until(looks).t_s >= start_s
+        server.close()
+        until(lambda: source._socket is None)
+        source.preview(0.0)
+    source.close()
+
+
+def test_receiver_that_takes_nothing_does_not_hold_the_simulator(socket_path: Path) -> None:
+    server = FrameServer(cast(Camera, DrawnCamera()), socket_path)
+    with socket.socket(socket.AF_UNIX) as idle:
+        idle.connect(str(socket_path))
+        until(lambda: server._link is not None)
+        began_s = time.monotonic()
+        for i in range(100):
+            server.step(0.4 * i)
+        assert time.monotonic() - began_s < 2.0
+    server.close()
+
+
+def test_folder_of_photos_is_a_camera(tmp_path: Path) -> None:
+    for name in ("b.png", "a.png"):
+        cv2.imwrite(str(tmp_path / name), np.full((960, 1280, 3), ord(name[0]), np.uint8))
+    source = open_source(str(tmp_path))
+    preview = source.preview(0.0)
+    assert preview is not None
+    assert preview.image[0, 0, 0] == ord("a")
+    assert source.preview(0.1) is None
+    assert source.full(0.1) is None
+    source.request_full()
+    full = source.full(0.1)
+    assert full is not None
+    assert full.image.shape == (960, 1280, 3)
+
+
+@pytest.mark.parametrize("uri", ["/dev/video97", "no/such/folder", "picamera"])
+def test_camera_that_is_not_there_is_told_in_a_sentence(uri: str) -> None:
+    with pytest.raises(StartError, match=r"[Cc]amera|photo"):
+        open_source(uri)
+
+
+# Reading
+
+
+class Letters:
+    """A reader that sees the same lines on every picture."""
+
+    def __init__(self, *lines: TextLine) -> None:
+        self._lines = list(lines)
+
+    def lines(self, image: Image) -> list[TextLine]:
+        return self._lines
+
+
+RULES = SignRules(re.compile("[0-9]{3}[A-Z]?"), ("Office",))
+CAMERA = CameraModel(1280, 960)
+
+
+def job() -> Job:
+    image = np.full((960, 1280, 3), 200, np.uint8)
+    return Job(Frame(1.0, image), Pose2(0.0, 0.0, 0.0), WallLine(1.0, 0.0), Box(600.0, 400.0, 80.0, 60.0))
+
+
+def test_sign_that_the_part_cuts_off_is_left_out() -> None:
+    cut = TextLine("215", 0.99, 2.0, 200.0, 90.0, 40.0)
+    whole = TextLine("215B", 0.99, 300.0, 200.0, 120.0, 40.0)
+    assert read(job(), Letters(cut), RULES, CAMERA).findings == ()
+    (finding,) = read(job(), Letters(whole), RULES, CAMERA).findings
+    assert (finding.reading.verdict, finding.reading.number) == (Verdict.PLATE, "215B")
+
+
+def test_deferred_worker_answers_after_a_fixed_time() -> None:
+    worker = DeferredWorker(lambda: lambda j: Reading(j, ()))
+    worker.submit(job(), 10.0)
+    assert worker.pending == 1
+    assert worker.results(10.49) == []
+    assert len(worker.results(10.5)) == 1
+    assert worker.pending == 0
+
+
+def test_thread_reads_beside_the_loop_and_leaves_out_what_is_too_much() -> None:
+    worker = ThreadWorker(lambda: lambda j: Reading(j, ()))
+    until(lambda: worker.ready)
+    for _ in range(50):
+        worker.submit(job(), 0.0)
+    done: list[Reading] = []
+    until(lambda: done.extend(worker.results(0.0)) or not worker.pending)
+    assert 1 <= len(done) <= 50
+    worker.close()
+
+
+def test_thread_that_cannot_load_its_models_says_so() -> None:
+    def load() -> Any:
+        raise ValueError("no model")
+
+    worker = ThreadWorker(load)
+
+    def failed() -> bool:
+        try:
+            worker.results(0.0)
+        except ValueError:
+            return True
+        return False
+
+    until(failed)
+    worker.close()
+
+
+# Candidates and sharpness
+
+
+def plate_picture(blur_px: float = 0.0) -> Image:
+    """What a preview shows of a plate in the middle of a wall 1.0 m away."""
+    plate = np.asarray(draw_plate(Plate(0, 0, False, 1.5, 0.2, 0.15, 0.04, "dark on light"), "304", "Office"))[
+        ..., ::-1
+    ]
+    small = cv2.resize(plate, (126, 94), interpolation=cv2.INTER_AREA)
+    image = np.full((480, 640, 3), (222, 230, 232), np.uint8)
+    image[160 : 160 + 94, 260 : 260 + 126] = small
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), np.uint8) if blur_px else image
+
+
+def test_plate_is_a_candidate_and_a_bare_wall_is_none() -> None:
+    camera = CameraModel(640, 480)
+    (box,) = sign_candidates(cv2.cvtColor(plate_picture(), cv2.COLOR_BGR2GRAY), camera, 1.0)
+    assert box.centre_px == pytest.approx((323, 207), abs=25)
+    assert sign_candidates(np.full((480, 640), 230, np.uint8), camera, 1.0) == []
+
+
+def test_sharper_photo_ranks_higher_by_every_measure() -> None:
+    sharp, blurred = (sharpness(cv2.cvtColor(plate_picture(b), cv2.COLOR_BGR2GRAY)[150:270, 250:400]) for b in (0, 3))
+    assert sharp.gradient > blurred.gradient
+    assert sharp.laplacian_variance > blurred.laplacian_variance
+    assert sharp.high_frequency_share > blurred.high_frequency_share
+
+
+# Verbs
+
+
+def test_read_signs_prints_a_json_line_for_every_plate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rapidocr")
+    photo = cv2.resize(plate_picture(), None, fx=2, fy=2)
+    cv2.imwrite(str(tmp_path / "plate.png"), photo)
+    sidecar = {"x_m": 2.0, "y_m": 1.0, "heading_rad": 0.0, "wall_m": 1.0}
+    (tmp_path / "plate.json").write_text(json.dumps(sidecar), encoding="utf-8")
+    cv2.imwrite(str(tmp_path / "wall.png"), np.full((960, 1280, 3), 200, np.uint8))
+    assert main(["read-signs", str(tmp_path)]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    finding = json.loads(line)
+    assert (finding["number"], finding["room_type"]) == ("304", "Office")
+    assert (finding["x_m"], finding["y_m"]) == pytest.approx((2.0, 0.0), abs=0.05)
+
+
+def test_read_signs_without_a_photo_says_what_it_wants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["read-signs", str(tmp_path / "none.jpg")]) == 2
+    assert "There is no photo" in capsys.readouterr().err
+
+
+def test_calibrate_doors_writes_their_colours(tmp_path: Path) -> None:
+    photo, config = tmp_path / "door.png", tmp_path / "robot.toml"
+    cv2.imwrite(str(photo), np.full((480, 640, 3), (62, 104, 150), np.uint8))
+    for _ in range(2):
+        assert main(["calibrate", "doors", str(photo), "--config", str(config)]) == 0
+    (colour,) = load_config(config).poi.door_colours
+    assert colour.startswith("H8-20 ")
+
+
+def test_calibrate_camera_measures_the_field_of_view(tmp_path: Path) -> None:
+    photo, config = tmp_path / "board.png", tmp_path / "robot.toml"
+    cv2.imwrite(str(photo), chessboard_view(focal_px=900.0))
+    assert main(["calibrate", "camera", str(photo), "--config", str(config)]) == 0
+    true_deg = np.degrees(2 * np.arctan(640 / 900.0))
+    assert load_config(config).poi.field_of_view_deg == pytest.approx(true_deg, abs=1.0)
+
+
+def test_calibrating_without_a_board_says_what_to_do() -> None:
+    with pytest.raises(StartError, match="No photo shows a chessboard"):
+        field_of_view_deg([np.full((480, 640, 3), 200, np.uint8)], 9, 6)
+
+
+def chessboard_view(focal_px: float) -> Image:
+    """A board of 10 x 7 squares, tilted, as a camera without distortion sees it."""
+    board = np.full((9 * 60, 12 * 60, 3), 255, np.uint8)
+    for row in range(7):
+        for column in range(10):
+            if (row + column) % 2 == 0:
+                board[(row + 1) * 60 : (row + 2) * 60, (column + 1) * 60 : (column + 2) * 60] = 0
+    rotation, _ = cv2.Rodrigues(np.array([0.5, -0.45, 0.1]))
+    intrinsics = np.array([[focal_px, 0, 640], [0, focal_px, 480], [0, 0, 1]])
+    from_pixels = np.array([[1 / 60, 0, -6], [0, 1 / 60, -4.5], [0, 0, 1]])
+    homography = intrinsics @ np.column_stack([rotation[:, 0], rotation[:, 1], [0, 0, 13.0]]) @ from_pixels
+    return np.asarray(cv2.warpPerspective(board, homography, (1280, 960), borderValue=(180, 180, 180)), np.uint8)

@@ -1,0 +1,252 @@
+"""Node `poi` on a bus: what it tells, asks for and reports."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from common.bus import LocalMesh
+from common.config import PoiSection
+from common.constants import CAMERA_HEIGHT_M
+from common.errors import ErrorCode
+from common.geometry import Pose2
+from common.messages import (
+    MAP,
+    PERMIT,
+    POI,
+    POSE,
+    RANGES,
+    RETAKE,
+    STATUS,
+    MapUpdate,
+    Permit,
+    PoiCommand,
+    PointOfInterest,
+    PoiRequest,
+    PoseEstimate,
+    Ranges,
+    Status,
+)
+from onboard.poi.camera_model import CameraModel
+from onboard.poi.frame import Frame, Image
+from onboard.poi.poi import Poi
+from onboard.poi.reading_worker import DeferredWorker, Finding, Job, Reading
+from onboard.poi.retake import Phase, Retake, after, begin, pose_before
+from onboard.poi.sharpness import Sharpness
+from onboard.poi.sign_placement import WallPoint
+from onboard.poi.sign_reading import SignReading, Verdict
+
+WALL_M = 1.2
+DOOR_M, PLATE_M = (2.5, 3.5), 2.2  # along x on the wall at y = -WALL_M; x grows with the drive
+SPEED_M_S = 0.16
+
+
+class Wall:
+    """A frame source: the wall on the right of a robot that stands at `x_m`, with a door and a plate."""
+
+    def __init__(self) -> None:
+        self.x_m = 0.0
+        self.lost = False
+        self._due_s = 0.0
+        self._wanted = False
+        self.fulls = 0
+        self._drawn: tuple[float, Image] | None = None
+
+    def preview(self, now_s: float) -> Frame | None:
+        if self.lost or now_s < self._due_s:
+            return None
+        self._due_s = now_s + 0.4
+        if self._drawn is None or self._drawn[0] != self.x_m:
+            self._drawn = self.x_m, self._draw(640, 480)
+        return Frame(now_s, self._drawn[1])
+
+    def request_full(self) -> None:
+        self._wanted = True
+
+    def full(self, now_s: float) -> Frame | None:
+        if not self._wanted or self.lost:
+            return None
+        self._wanted = False
+        self.fulls += 1
+        return Frame(now_s, self._draw(1280, 960))
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _draw(self, width: int, height: int) -> Image:
+        camera = CameraModel(width, height)
+        image = np.full((height, width, 3), (222, 230, 232), np.uint8)
+        # The robot's front is left in the picture
+        x_m = self.x_m - (np.arange(width) + 0.5 - width / 2) * camera.metres_per_px(WALL_M)
+        image[:, (x_m > DOOR_M[0]) & (x_m < DOOR_M[1])] = (62, 104, 150)
+        low, high = (int(camera.row_px(z, WALL_M)) for z in (CAMERA_HEIGHT_M + 0.02, CAMERA_HEIGHT_M - 0.02))
+        stripes = (abs(x_m - PLATE_M) < 0.06) & ((x_m * 100).astype(int) % 2 == 0)
+        image[low:high, stripes] = 20
+        return image
+
+
+class Story:
+    """The node, its wall, and a drive past it. `reads` is what every photo of the plate says."""
+
+    def __init__(self, reads: list[SignReading]) -> None:
+        self.wall, self.now_s = Wall(), 0.0
+        self.mesh = LocalMesh()
+        self.bus, self.others = self.mesh.endpoint("poi"), self.mesh.endpoint("test")
+        self.jobs: list[Job] = []
+        self._reads = reads
+        self.node = Poi(PoiSection(), self.wall, DeferredWorker(lambda: self._read))
+        for topic in (POI, RETAKE):
+            self.others.take(topic)
+        self.records: dict[int, PointOfInterest] = {}
+        self.requests: list[PoiRequest] = []
+        points = np.array([(x / 10, -WALL_M) for x in range(-10, 80)], np.float32)
+        self.others.publish(MAP, MapUpdate(0.0, 1, 0, points, np.zeros(len(points), np.uint8)))
+
+    def _read(self, job: Job) -> Reading:
+        reading = self._reads[min(len(self.jobs), len(self._reads) - 1)]
+        self.jobs.append(job)
+        u_px, _ = job.candidate.centre_px
+        return Reading(job, (Finding(reading, u_px, Sharpness(100.0, 50.0, 0.1)),))
+
+    def step(self, speed_m_s: float = SPEED_M_S) -> None:
+        self.now_s = round(self.now_s + 0.05, 9)
+        self.mesh.now_s = self.now_s
+        self.wall.x_m += 0.05 * speed_m_s
+        if round(self.now_s * 20) % 2 == 0:
+            at = (self.wall.x_m, 0.0, 0.0, 0.0)
+            self.others.publish(POSE, PoseEstimate(self.now_s, *at, 0.02, 0.01, 1))
+            right = (np.nan, np.nan, np.nan, np.nan, WALL_M)
+            self.others.publish(RANGES, Ranges(self.now_s, right, (0.0,) * 5))
+        self.node.step(self.bus, self.now_s)
+        self.records |= {record.poi_id: record for record in self.others.take(POI)}
+        self.requests += self.others.take(RETAKE)
+
+    def drive_to(self, x_m: float) -> None:
+        while self.wall.x_m < x_m:
+            self.step()
+
+    def stand(self, seconds: float) -> None:
+        until_s = self.now_s + seconds
+        while self.now_s < until_s:
+            self.step(0.0)
+
+    def status(self) -> Status:
+        status = self.others.latest(STATUS["poi"])
+        assert status is not None
+        return status
+
+
+def plate(number: str) -> SignReading:
+    return SignReading(Verdict.PLATE, number, "Office", 0.99, (0.0, 0.0, 1.0, 1.0), (number, "Office"))
+
+
+def unclear() -> SignReading:
+    return SignReading(Verdict.UNCLEAR, "", "", 0.0, (0.0, 0.0, 1.0, 1.0), ("3",))
+
+
+@pytest.mark.requirement("POI_MR_01", "POI_MR_04")
+def test_door_that_is_passed_becomes_one_record_with_number_place_and_photo() -> None:
+    story = Story([plate("304")])
+    story.drive_to(5.5)
+    (record,) = story.records.values()
+    assert (record.name, record.number, record.description, record.room_type) == ("Door", "304", "304", "Office")
+    assert record.state == "read"
+    assert (record.x_m, record.y_m) == pytest.approx((sum(DOOR_M) / 2, -WALL_M), abs=0.05)
+    assert record.photo_jpeg.startswith(b"\xff\xd8")
+    assert story.requests == []
+
+
+def test_plate_that_is_settled_costs_no_further_frames() -> None:
+    story = Story([plate("304")])
+    story.drive_to(5.5)
+    assert len(story.jobs) == story.wall.fulls
+    assert 2 <= story.wall.fulls <= 4
+
+
+@pytest.mark.requirement("POI_MR_05")
+def test_plate_that_cannot_be_read_is_visited_again_and_photographed_standing() -> None:
+    story = Story([unclear()] * 8 + [plate("304")])
+    story.drive_to(4.2)
+    request = story.requests[0]
+    assert request.command is PoiCommand.GOTO
+    assert (request.x_m, request.y_m, request.heading_rad) == pytest.approx((PLATE_M, 0.0, 0.0), abs=0.1)
+    story.wall.x_m = request.x_m  # the planner has driven there
+    story._reads = [plate("304")]
+    story.stand(4.0)
+    assert [r.command for r in story.requests] == [PoiCommand.GOTO, PoiCommand.STOP, PoiCommand.CONTINUE]
+    assert [r.number for r in story.records.values() if r.state == "read"] == ["304"]
+
+
+def test_door_that_stays_unread_is_told_after_two_visits() -> None:
+    story = Story([unclear()])
+    story.drive_to(4.2)
+    story.stand(95.0)
+    assert [r.command for r in story.requests].count(PoiCommand.GOTO) == 2
+    (record,) = story.records.values()
+    assert (record.state, record.number) == ("unread", "")
+
+
+def test_lost_frames_are_an_error_that_heals_and_stops_nothing() -> None:
+    story = Story([plate("304")])
+    story.stand(1.0)
+    assert story.status().error_code == ErrorCode.OK
+    story.wall.lost = True
+    story.stand(3.0)
+    assert (story.status().error_code, story.status().ready) == (ErrorCode.NO_FRAMES, True)
+    story.wall.lost = False
+    story.stand(1.0)
+    assert story.status().error_code == ErrorCode.OK
+
+
+def test_latched_stop_ends_the_taking_of_photos() -> None:
+    story = Story([plate("304")])
+    story.others.publish(PERMIT, Permit(0.0, False, "stopped", ("command_center",)))
+    story.drive_to(4.0)
+    assert story.status().state == "STOPPED"
+    assert story.wall.fulls == 0
+
+
+def test_nothing_is_looked_at_while_the_robot_turns() -> None:
+    story = Story([plate("304")])
+    story.drive_to(1.7)
+    taken = story.wall.fulls
+    for i in range(100):
+        story.now_s = round(story.now_s + 0.05, 9)
+        story.mesh.now_s = story.now_s
+        story.wall.x_m = 2.2
+        story.others.publish(POSE, PoseEstimate(story.now_s, 2.2, 0.0, 0.03 * i, 0.0, 0.02, 0.01, 1))
+        story.node.step(story.bus, story.now_s)
+    assert story.wall.fulls <= taken + 1
+
+
+# The retake's state machine
+
+
+def test_pose_for_a_photo_is_square_to_the_wall() -> None:
+    goal = pose_before(WallPoint(2.0, 0.0, pi / 2), 1.1)
+    assert (goal.x_m, goal.y_m, goal.heading_rad) == pytest.approx((2.0, 1.1, 0.0), abs=1e-9)
+    assert pose_before(WallPoint(2.0, 0.0, pi / 2), 9.0).y_m == pytest.approx(1.5)
+
+
+def test_retake_holds_only_when_there_standing_and_facing() -> None:
+    goal = Pose2(1.0, 0.0, 0.0)
+    state, command = begin(goal, 0.0)
+    assert (state.phase, command) == (Phase.DRIVING, PoiCommand.GOTO)
+    for pose, motion in (
+        (Pose2(3.0, 0.0, 0.0), (0.0, 0.0)),
+        (Pose2(1.0, 0.0, 1.0), (0.0, 0.0)),
+        (goal, (0.16, 0.0)),
+        (goal, (0.0, 0.5)),
+    ):
+        assert after(state, pose, motion, 0, 1.0) == (state, None)
+    assert after(state, goal, (0.0, 0.0), 0, 1.0) == (Retake(Phase.HOLDING, goal, 1.0), PoiCommand.STOP)
+
+
+def test_retake_ends_by_photos_or_by_time() -> None:
+    holding = Retake(Phase.HOLDING, Pose2(0.0, 0.0, 0.0), 10.0)
+    assert after(holding, Pose2(0.0, 0.0, 0.0), (0.0, 0.0), 3, 11.0) == (Retake(), PoiCommand.CONTINUE)
+    assert after(holding, Pose2(0.0, 0.0, 0.0), (0.0, 0.0), 0, 19.0) == (Retake(), PoiCommand.CONTINUE)
+    driving = Retake(Phase.DRIVING, Pose2(9.0, 0.0, 0.0), 10.0)
+    assert after(driving, Pose2(0.0, 0.0, 0.0), (0.1, 0.0), 0, 99.0) == (Retake(), PoiCommand.CONTINUE)

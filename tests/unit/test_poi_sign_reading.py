@@ -1,0 +1,141 @@
+"""What counts as a number plate, by its lines, and what rapidocr makes of rendered ones."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.config import PoiSection
+from offboard.simulator.floor import Plate
+from offboard.simulator.sign_textures import draw_plate
+from onboard.poi.sign_reading import SignReader, SignRules, TextLine, Verdict, joined_lines, signs
+from tests.unit.poi_scenes import SIDES, floor_with_door, full_frame
+
+RULES = SignRules(re.compile(PoiSection().number_pattern), PoiSection().room_types)
+M_PER_PX = 1 / 840
+
+
+def lines(*texts: str, confidence: float = 0.99, height_px: float = 40.0) -> list[TextLine]:
+    """Lines of one height, one below the other, in the middle of a picture 600 pixels high."""
+    return [
+        TextLine(text, confidence, 100.0, 200.0 + 1.8 * i * height_px, 25.0 * len(text), height_px)
+        for i, text in enumerate(texts)
+    ]
+
+
+def verdict(*texts: str, **kwargs: float) -> Verdict:
+    return RULES.judge(lines(*texts, **kwargs), M_PER_PX, 600.0).verdict
+
+
+@pytest.fixture(scope="module")
+def reader() -> SignReader:
+    pytest.importorskip("rapidocr")
+    return SignReader()
+
+
+@pytest.mark.requirement("POI_MR_02")
+@pytest.mark.parametrize(
+    "poster",
+    [
+        ("Open day", "2019"),
+        ("Offices", "253-260"),
+        ("Rooms", "101-140", "upstairs"),
+        ("Call 905 525", "9140"),
+        ("Lost keys:", "call 5500"),
+        ("Concert", "hall, doors", "20:15"),
+        ("Career fair", "1500 jobs"),
+        ("Exam week", "12-16 May", "2026"),
+        ("Course 4711", "begins 3 May"),
+        ("No smoking",),
+        ("FIRE EXIT",),
+        ("101", "102", "103"),
+    ],
+)
+def test_posters_directions_and_lists_are_no_plates(poster: tuple[str, ...]) -> None:
+    assert verdict(*poster) is Verdict.OTHER
+
+
+def test_plate_holds_its_number_and_its_room_type() -> None:
+    reading = RULES.judge(lines("215B", "Meeting Room"), M_PER_PX, 600.0)
+    assert (reading.verdict, reading.number, reading.room_type) == (Verdict.PLATE, "215B", "Meeting Room")
+
+
+@pytest.mark.parametrize(("text", "number"), [("215 b", "215B"), ("1O1", "101"), ("I2O", "120"), ("3.04", "304")])
+def test_number_takes_its_normal_form(text: str, number: str) -> None:
+    assert RULES.room_number(text) == number
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"), [("Labratory", "Laboratory"), ("MEETING ROOM", "Meeting Room"), ("Open", "")]
+)
+def test_room_type_is_the_nearest_known_one(text: str, kind: str) -> None:
+    assert RULES.room_type(text) == kind
+
+
+def test_doubtful_reading_wants_another_photo() -> None:
+    assert verdict("304", confidence=0.7) is Verdict.UNCLEAR
+
+
+def test_number_at_the_border_may_be_the_rest_of_a_poster() -> None:
+    at_the_top = [TextLine("2019", 0.99, 100.0, 10.0, 100.0, 40.0)]
+    assert RULES.judge(at_the_top, M_PER_PX, 600.0).verdict is Verdict.UNCLEAR
+    assert RULES.judge(at_the_top).verdict is Verdict.PLATE
+
+
+def test_number_of_impossible_size_is_none() -> None:
+    assert verdict("304", height_px=150.0) is Verdict.OTHER
+
+
+def test_boxes_on_one_line_are_joined_and_signs_are_parted() -> None:
+    boxes = [
+        TextLine("905", 0.9, 160.0, 102.0, 50.0, 30.0),
+        TextLine("Call", 0.99, 100.0, 100.0, 50.0, 30.0),
+        TextLine("304", 0.95, 600.0, 100.0, 60.0, 30.0),
+    ]
+    joined = joined_lines(boxes)
+    assert sorted(line.text for line in joined) == ["304", "Call 905"]
+    assert len(signs(joined)) == 2
+
+
+@given(st.text(max_size=12))
+def test_number_is_found_in_its_own_format_or_not_at_all(text: str) -> None:
+    number = RULES.room_number(text)
+    assert number == "" or RULES.number.fullmatch(number)
+
+
+@pytest.mark.parametrize("style", ["dark on light", "light on dark", "dark on metal"])
+def test_plates_of_every_style_are_read(reader: SignReader, style: str) -> None:
+    plate = Plate(0.0, 0.0, False, 1.5, 0.2, 0.15, 0.04, style)
+    for number, room_type in (("304", "Storage"), ("112B", ""), ("281A", "Meeting Room")):
+        drawn = cv2.resize(on_wall(plate, number, room_type), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        readings = [RULES.judge(group) for group in signs(reader.lines(drawn))]
+        assert [(r.verdict, r.number, r.room_type) for r in readings] == [(Verdict.PLATE, number, room_type)]
+
+
+def test_reading_repeats_to_the_bit(reader: SignReader) -> None:
+    picture = on_wall(Plate(0.0, 0.0, False, 1.5, 0.2, 0.15, 0.04, "dark on light"), "304", "Office")
+    assert reader.lines(picture) == reader.lines(picture)
+
+
+def test_blurred_plate_is_not_accepted(reader: SignReader) -> None:
+    picture = on_wall(Plate(0.0, 0.0, False, 1.5, 0.2, 0.15, 0.04, "dark on light"), "304", "")
+    blurred = cv2.GaussianBlur(picture, (0, 0), 28.0)
+    assert all(RULES.judge(group).verdict is not Verdict.PLATE for group in signs(reader.lines(blurred)))
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_plate_reads_correctly_on_walls_of_all_four_directions(reader: SignReader, side: str) -> None:
+    frame = full_frame(floor_with_door(side, number="417", room_type="Storage"))
+    assert [line.text for line in reader.lines(frame)] == ["417", "Storage"]
+
+
+def on_wall(plate: Plate, number: str, room_type: str) -> Any:
+    """The plate's picture with some wall around it, in the order of colours that OpenCV takes."""
+    image = np.asarray(draw_plate(plate, number, room_type))[..., ::-1]
+    return cv2.copyMakeBorder(image, 80, 80, 80, 80, cv2.BORDER_CONSTANT, value=(220, 226, 230))

@@ -1,0 +1,268 @@
+"""What the page is told: the newest of everything, the map as increments, ages on one clock, nothing twice."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.errors import ErrorCode
+from common.messages import (
+    GRID,
+    MAP,
+    MODULES,
+    PERMIT,
+    PLAN,
+    POI,
+    POSE,
+    STATUS,
+    TRAJECTORY,
+    GridUpdate,
+    MapUpdate,
+    Permit,
+    PlannerView,
+    PointOfInterest,
+    PoseEstimate,
+    Status,
+    Trajectory,
+)
+from offboard.recorder import run_folder
+from offboard.visualizer.feed import Feed
+from offboard.visualizer.poi_store import PoiRecord, RunFolderPois
+from offboard.visualizer.protocol import Frame
+
+
+def pose(x_m: float, t_s: float = 0.0, *, valid: bool = True) -> PoseEstimate:
+    return PoseEstimate(t_s, x_m, 0.0, 0.0, 0.0, 0.02, 0.01, 1, valid)
+
+
+def wall(start: int, xs: list[float], revision: int = 1) -> MapUpdate:
+    points = np.array([[x, 1.0] for x in xs], np.float32).reshape(-1, 2)
+    return MapUpdate(0.0, revision, start, points, np.zeros(len(xs), np.uint8))
+
+
+def door(poi_id: int, number: str = "101", photo: bytes = b"", t_s: float = 1.0) -> PointOfInterest:
+    return PointOfInterest(t_s, poi_id, "Door", number, 1.0, 2.0, number, "Office", 0.9, "read", photo)
+
+
+def parsed(frame: Frame) -> dict[str, Any]:
+    """A frame as the page reads it; `body` where there is one."""
+    if isinstance(frame, str):
+        return dict(json.loads(frame))
+    length = int.from_bytes(frame[:4], "little")
+    assert (4 + length) % 4 == 0, "numbers must begin where a browser can read them"
+    return dict(json.loads(frame[4 : 4 + length])) | {"body": frame[4 + length :]}
+
+
+class Watched:
+    """A feed whose clock the test moves, and one page."""
+
+    def __init__(self, store: RunFolderPois | None = None) -> None:
+        self.now_s = 100.0
+        self.feed = Feed(store, lambda: self.now_s)
+        self.page = self.feed.client()
+
+    def news(self) -> dict[str, dict[str, Any]]:
+        return {frame["channel"]: frame for frame in map(parsed, self.page.changes())}
+
+    def heartbeat(self) -> dict[str, Any]:
+        return parsed(self.page.heartbeat())
+
+
+@pytest.fixture
+def watched() -> Watched:
+    return Watched()
+
+
+def points(frame: dict[str, Any]) -> list[float]:
+    return np.frombuffer(frame["body"][: 8 * frame["count"]], "<f4").reshape(-1, 2)[:, 0].tolist()
+
+
+def test_a_page_hears_of_everything_once(watched: Watched) -> None:
+    watched.feed.take(POSE, pose(1.0))
+    watched.feed.take(PERMIT, Permit(0.0, False, "poi is missing", ("operator",)))
+    view = PlannerView(0.0, "ROUTE", "driving to a side hall", np.array([[1.0, 2.0]], np.float32), 3, 4.56, False)
+    watched.feed.take(PLAN, view)
+    news = watched.news()
+    assert (news["pose"]["x_m"], news["pose"]["valid"], news["pose"]["age_s"]) == (1.0, True, 0.0)
+    assert (news["permit"]["granted"], news["permit"]["stop_sources"]) == (False, ["operator"])
+    assert (news["plan"]["mode"], news["plan"]["path_m"], news["plan"]["area_m2"]) == ("ROUTE", [[1.0, 2.0]], 4.6)
+    assert watched.news() == {}
+
+
+@pytest.mark.requirement("VSL_MR_04")
+def test_the_map_goes_out_as_increments(watched: Watched) -> None:
+    watched.feed.take(MAP, wall(0, [1.0, 2.0]))
+    assert points(watched.news()["map"]) == [1.0, 2.0]
+    watched.feed.take(MAP, wall(2, [3.0]))
+    watched.feed.take(MAP, wall(3, [4.0]))
+    news = watched.news()["map"]
+    assert (news["start"], points(news)) == (2, [3.0, 4.0])
+
+
+def test_a_corrected_map_goes_out_whole(watched: Watched) -> None:
+    watched.feed.take(MAP, wall(0, [1.0, 2.0]))
+    watched.news()
+    watched.feed.take(MAP, wall(0, [1.5, 2.5, 3.5], revision=2))
+    news = watched.news()["map"]
+    assert (news["start"], points(news)) == (0, [1.5, 2.5, 3.5])
+
+
+@given(st.lists(st.one_of(st.none(), st.integers(0, 5), st.just("anew")), max_size=30))
+def test_however_slow_a_page_is_it_ends_with_the_whole_map(story: list[int | str | None]) -> None:
+    """None: the page looks. A number: so many points come. "anew": the map begins again."""
+    watched = Watched()
+    sent, seen, revision = 0, [], 0
+    for event in [*story, None]:
+        if event is None:
+            news = watched.news().get("map")
+            if news is not None:
+                seen = seen[: news["start"]] + points(news)
+        elif event == "anew":
+            revision += 1
+            watched.feed.take(MAP, wall(0, [float(revision)], revision))
+            sent = 1
+        else:
+            watched.feed.take(MAP, wall(sent, [float(sent + k) for k in range(int(event))], revision))
+            sent += int(event)
+    assert seen == watched.feed.map_data().points_m[:, 0].tolist()
+
+
+def test_a_slow_page_skips_poses_and_knows_how_many(watched: Watched) -> None:
+    for k in range(3):
+        watched.feed.take(POSE, pose(float(k)))
+    assert watched.news()["pose"]["x_m"] == 2.0
+    assert watched.heartbeat()["skipped"] == 0
+    for k in range(5):
+        watched.feed.take(POSE, pose(float(k)))
+    assert [watched.news()["pose"]["x_m"], watched.heartbeat()["skipped"]] == [4.0, 4]
+
+
+def test_ages_count_from_arrival(watched: Watched) -> None:
+    assert watched.heartbeat()["age_s"] == {"pose": None, "robot": None}
+    watched.feed.take(POSE, pose(0.0, t_s=5000.0))
+    watched.now_s += 1.5
+    watched.feed.take(PERMIT, Permit(0.0, True, ""))
+    watched.now_s += 0.5
+    assert watched.heartbeat()["age_s"] == {"pose": 2.0, "robot": 0.5}
+
+
+def test_what_the_laptop_says_does_not_make_the_robot_fresh(watched: Watched) -> None:
+    watched.feed.take(STATUS["recorder"], Status(0.0, "recording", 0, 1, True, 1))
+    assert watched.heartbeat()["age_s"]["robot"] is None
+
+
+def test_every_module_is_named_with_its_error_in_words(watched: Watched) -> None:
+    watched.feed.take(STATUS["mmu"], Status(0.0, "WAITING", int(ErrorCode.NO_ODOMETRY), 7, False, 1))
+    watched.feed.take(STATUS["planner"], Status(0.0, "X", 4711, 7, True, 1))
+    modules = {module["name"]: module for module in watched.heartbeat()["modules"]}
+    assert set(modules) == set(MODULES.values())
+    assert modules["mmu"]["meaning"] == "no odometry arrives"
+    assert modules["planner"]["meaning"].startswith("an error that this version")
+    assert "state" not in modules["poi"]
+
+
+def test_broken_numbers_break_no_page(watched: Watched) -> None:
+    watched.feed.take(POSE, pose(1.0))
+    watched.feed.take(POSE, pose(float("nan")))
+    watched.feed.take(POI, dataclasses.replace(door(1), x_m=float("inf")))
+    watched.feed.take(POI, dataclasses.replace(door(2), confidence=float("nan")))
+    path = np.array([[np.nan, 2.0]], np.float32)
+    watched.feed.take(PLAN, PlannerView(0.0, "ROUTE", "", path, 3, float("nan"), False))
+    news = watched.news()
+    assert news["pose"]["x_m"] == 1.0
+    assert [(poi["poi_id"], poi["confidence"]) for poi in news["pois"]["pois"]] == [(2, None)]
+    assert (news["plan"]["area_m2"], news["plan"]["path_m"]) == (None, [[None, 2.0]])
+
+
+def test_the_trail_is_smoothed_as_far_as_that_reaches(watched: Watched) -> None:
+    for k in range(4):
+        watched.feed.take(POSE, pose(float(k), t_s=float(k)))
+    watched.feed.take(TRAJECTORY, Trajectory(2.0, np.array([0.0, 1.0]), np.array([[0.0, 9.0, 0.0], [1.0, 9.0, 0.0]])))
+    way = np.frombuffer(watched.news()["trail"]["body"], "<f4").reshape(-1, 2).tolist()
+    assert way == [[0.0, 9.0], [1.0, 9.0], [2.0, 0.0], [3.0, 0.0]]
+
+
+def test_the_floor_goes_out_as_it_came(watched: Watched) -> None:
+    cells = np.array([[0, 1, 2]], np.uint8)
+    watched.feed.take(GRID, GridUpdate(0.0, 1, -1.0, -2.0, 0.05, 1, 3, zlib.compress(cells.tobytes())))
+    grid = watched.news()["grid"]
+    assert zlib.decompress(grid["body"]) == cells.tobytes()
+    assert (grid["rows"], grid["columns"], grid["origin"]) == (1, 3, [-1.0, -2.0])
+
+
+@pytest.mark.requirement("VSL_MR_03")
+def test_the_base_point_is_the_lower_left_corner_of_all_that_is_drawn(watched: Watched) -> None:
+    watched.feed.take(MAP, wall(0, [-3.0, 5.0]))
+    watched.feed.take(POI, door(1))
+    x_m, y_m = watched.news()["map"]["base"]
+    data = watched.feed.map_data()
+    assert x_m <= data.points_m[:, 0].min()
+    assert y_m <= min(data.points_m[:, 1].min(), data.pois[0]["y_m"])
+
+
+class TestPointsOfInterest:
+    def test_a_photo_stays_when_the_record_is_corrected(self, watched: Watched) -> None:
+        watched.feed.take(POI, door(1, "10?", b"jpeg"))
+        watched.feed.take(POI, door(1, "101"))
+        (poi,) = watched.news()["pois"]["pois"]
+        assert (poi["number"], poi["has_photo"]) == ("101", True)
+        assert watched.feed.photo(1) == b"jpeg"
+        assert watched.feed.photo(2) is None
+
+    def test_those_of_the_recorder_are_there_after_a_restart(self, tmp_path: Path) -> None:
+        watched = Watched(RunFolderPois(tmp_path))
+        watched.feed.refresh_pois()
+        assert watched.news() == {"map": watched_empty_map(), "pois": {"channel": "pois", "pois": []}}
+        (tmp_path / "photos").mkdir()
+        (tmp_path / "photos" / "poi_1.jpg").write_bytes(b"jpeg")
+        write_pois(tmp_path, entry(1, photo="photos/poi_1.jpg"), entry(2))
+        watched.feed.refresh_pois()
+        assert [poi["has_photo"] for poi in watched.news()["pois"]["pois"]] == [True, False]
+        assert (watched.feed.photo(1), watched.feed.photo(2)) == (b"jpeg", None)
+
+    def test_what_came_live_and_is_newer_stays(self, tmp_path: Path) -> None:
+        watched = Watched(RunFolderPois(tmp_path))
+        watched.feed.take(POI, door(1, "102", b"new", t_s=5.0))
+        write_pois(tmp_path, entry(1, t_s=3.0))
+        watched.feed.refresh_pois()
+        assert watched.news()["pois"]["pois"][0]["number"] == "102"
+        assert watched.feed.photo(1) == b"new"
+
+    @pytest.mark.parametrize("text", ["", "[{}]", "[1]", "{", '[{"poi_id": "x"}]'])
+    def test_a_broken_file_is_left_until_it_is_whole(self, tmp_path: Path, text: str) -> None:
+        (tmp_path / run_folder.POIS_NAME).write_text(text, encoding="utf-8")
+        store = RunFolderPois(tmp_path)
+        assert store.read() is None
+        write_pois(tmp_path, entry(1))
+        assert store.read() == [PoiRecord(1, "Door", "", 1.0, 2.0, "101", "Office", 0.5, "read", 1.0, False)]
+        assert store.read() is None
+
+    def test_no_file_outside_the_run_is_ever_a_photo(self, tmp_path: Path) -> None:
+        (tmp_path / "secret").write_bytes(b"secret")
+        run = tmp_path / "run"
+        run.mkdir()
+        write_pois(run, entry(1, photo="../secret"), entry(2, photo=str(tmp_path / "secret")))
+        store = RunFolderPois(run)
+        store.read()
+        assert [store.photo(1), store.photo(2)] == [None, None]
+
+
+def watched_empty_map() -> dict[str, Any]:
+    return {"channel": "map", "body": b"", "start": 0, "count": 0, "base": [-1, -3]}
+
+
+def entry(poi_id: int, photo: str = "", t_s: float = 1.0) -> dict[str, Any]:
+    values = {"poi_id": poi_id, "name": "Door", "description": "", "x_m": 1.0, "y_m": 2.0, "number": "101"}
+    return values | {"room_type": "Office", "confidence": 0.5, "state": "read", "t_s": t_s, "photo": photo}
+
+
+def write_pois(folder: Path, *entries: dict[str, Any]) -> None:
+    run_folder.write_json(folder / run_folder.POIS_NAME, list(entries))
