@@ -1,4 +1,4 @@
-"""Verbs `read-signs` and `calibrate`: the POI module's eyes on photos, without a robot."""
+"""Verbs `read-signs` and `calibrate doors|camera`: the POI module's eyes on photos, without a robot."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ def add_verbs(verbs: Any) -> None:
     read.add_argument("photos", metavar="IMAGE_OR_FOLDER", type=Path, nargs="+")
     read.add_argument("--config", type=Path, help="robot.toml with the site's number format and room types")
     read.set_defaults(run=_read_signs)
-    calibrate = verbs.add_parser("calibrate", help="measure this robot and write it into robot.toml")
-    things = calibrate.add_subparsers(dest="thing", metavar="WHAT", required=True)
+
+
+def add_calibrations(things: Any) -> None:
     doors = things.add_parser("doors", help="the colour of doors, from a photo whose middle a door fills")
     doors.add_argument("photo", metavar="PHOTO", type=Path)
     doors.set_defaults(run=_calibrate_doors)

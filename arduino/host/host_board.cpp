@@ -2,31 +2,15 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "host_board.h"
+
 #include "../indoor_mapping/src/core/robot.h"
 #include "../indoor_mapping/src/hal/hal.h"
 
 namespace {
 
 const uint32_t kSpin_us = 1000;
-const uint32_t kTxSize = 65536;
 const uint32_t kRxSize = 4096;
-
-}  // namespace
-
-extern "C" {
-
-// Shared with Python, which reads its fields after each call of fw_run
-struct Outputs {
-  int32_t pwm_left, pwm_right;
-  int32_t enabled;
-  uint32_t fired;      // sonars triggered since they were last taken, one bit each
-  uint32_t tx_length;  // bytes waiting in tx
-  char tx[kTxSize];
-};
-
-}  // extern "C"
-
-namespace {
 
 class HostHal : public hal::Hal {
  public:
@@ -43,7 +27,7 @@ class HostHal : public hal::Hal {
   }
   void fire(uint8_t mask) override { out.fired |= mask; }
   bool echo(uint8_t sonar, uint16_t* width_us) override {
-    if (!echo_us[sonar]) return false;
+    if (!echo_us[sonar] || now_us < echo_end_us[sonar]) return false;
     *width_us = echo_us[sonar];
     echo_us[sonar] = 0;
     return true;
@@ -78,6 +62,7 @@ class HostHal : public hal::Hal {
   hal::Imu imu_reading = hal::Imu();
   bool imu_answers = false;
   uint16_t echo_us[5] = {0, 0, 0, 0, 0};
+  uint64_t echo_end_us[5] = {0, 0, 0, 0, 0};
   hal::Switches inputs = hal::Switches();
   uint16_t battery = 12000;
   char rx[kRxSize];
@@ -88,13 +73,13 @@ class HostHal : public hal::Hal {
   uint16_t session_;
 };
 
+}  // namespace
+
 struct Board {
   Board(uint8_t cause, uint16_t session) : hardware(cause, session), robot(hardware) {}
   HostHal hardware;
   core::Robot robot;
 };
-
-}  // namespace
 
 extern "C" {
 
@@ -104,7 +89,6 @@ void fw_free(Board* board) { delete board; }
 
 Outputs* fw_outputs(Board* board) { return &board->hardware.out; }
 
-// Runs the firmware up to `until_us` with these edges counted at its beginning
 void fw_run(Board* board, uint64_t until_us, int32_t left, int32_t right) {
   HostHal& hardware = board->hardware;
   // Modulo 2^32, as the counters of the Mega are
@@ -131,6 +115,7 @@ void fw_imu(Board* board, int ax, int ay, int az, int gx, int gy, int gz) {
 void fw_imu_unplug(Board* board) { board->hardware.imu_answers = false; }
 
 void fw_echo(Board* board, int sonar, int width_us) {
+  board->hardware.echo_end_us[sonar] = board->hardware.now_us + static_cast<uint64_t>(width_us);
   board->hardware.echo_us[sonar] = static_cast<uint16_t>(width_us);
 }
 
@@ -142,7 +127,6 @@ void fw_inputs(Board* board, int bumper, int cliff_left, int cliff_right, int st
   board->hardware.battery = static_cast<uint16_t>(battery_mv);
 }
 
-// Bytes into the receive ring; how many of them fitted
 int fw_serial_write(Board* board, const char* data, int length) {
   HostHal& hardware = board->hardware;
   const int room = static_cast<int>(kRxSize - hardware.rx_length);
@@ -150,6 +134,10 @@ int fw_serial_write(Board* board, const char* data, int length) {
   memcpy(hardware.rx + hardware.rx_length, data, static_cast<size_t>(taken));
   hardware.rx_length += static_cast<uint32_t>(taken);
   return taken;
+}
+
+int fw_next_state(int state, int conditions) {
+  return core::next_state(static_cast<core::CarState>(state), static_cast<uint8_t>(conditions));
 }
 
 }  // extern "C"

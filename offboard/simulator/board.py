@@ -52,7 +52,7 @@ class Board(Protocol):
         """Signed quadrature edges since the last call, forward positive."""
 
     def echo(self, sonar: int, width_us: int) -> None:
-        """One finished echo pulse of sonar 0..4 (order of `SONAR_NAMES`); 37500 = nothing heard."""
+        """The pulse of sonar 0..4 (order of `SONAR_NAMES`), from now on; 37500 = nothing heard, 0 = none."""
 
     def imu(self, ax: int, ay: int, az: int, gx: int, gy: int, gz: int) -> None:
         """What the MPU-6050 reads from now on: +-2 g, +-500 deg/s (65.5 counts per deg/s)."""
@@ -78,7 +78,7 @@ class Board(Protocol):
 def build_firmware() -> Path:
     """The shared library of the firmware core, compiled when a source is newer; raises FirmwareBuildError."""
     sources = [*sorted((SKETCH / "src" / "core").glob("*.cpp")), HOST / "host_board.cpp"]
-    inputs = sources + sorted((SKETCH / "src").rglob("*.h"))
+    inputs = sources + sorted((SKETCH / "src").rglob("*.h")) + sorted(HOST.glob("*.h"))
     if LIBRARY.exists() and LIBRARY.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
         return LIBRARY
     compiler = shutil.which("g++")
@@ -128,7 +128,14 @@ def _library() -> ctypes.CDLL:
     library.fw_echo.argtypes, library.fw_echo.restype = [pointer, number, number], None
     library.fw_inputs.argtypes, library.fw_inputs.restype = [pointer, *[number] * 5], None
     library.fw_serial_write.argtypes = [pointer, ctypes.c_char_p, number]
+    library.fw_next_state.argtypes, library.fw_next_state.restype = [number, number], number
     return library
+
+
+def next_safety_state(state: int, conditions: int) -> int:
+    """The firmware's safety state machine alone: `CarState` and the bits of safety.h -> `CarState`."""
+    result: int = _library().fw_next_state(state, conditions)
+    return result
 
 
 _TX_OFFSET: int = ctypes.sizeof(_Outputs) - _TX_BYTES

@@ -17,7 +17,8 @@ from common.config import Config, with_camera
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, PlannerView
 from offboard.recorder.recorder import Recorder
-from offboard.simulator.board import FirmwareBuildError, HostBoard
+from offboard.simulator.avr_board import AvrBoard
+from offboard.simulator.board import Board, FirmwareBuildError, HostBoard
 from offboard.simulator.camera_frames import CameraFrames
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.simulator.simulation import Simulation
@@ -101,20 +102,21 @@ class Lockstep:
         self.simulation.close()
 
 
+def _board(build_of: str) -> Board:
+    try:
+        return AvrBoard() if build_of == "avr" else HostBoard()
+    except FirmwareBuildError as error:
+        raise StartError(str(error)) from error
+
+
 def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     """The whole robot in its building, powered on; raises StartError."""
-    if options.board != "host":
-        raise StartError("Only the host build of the firmware can be simulated so far; leave --board at host.")
     if options.route is not None:
         raise StartError("There is no scripted route yet; leave --route out.")
     floor, events = load_world(options)
-    try:
-        board = HostBoard()
-    except FirmwareBuildError as error:
-        raise StartError(str(error)) from error
     simulation = Simulation(
         floor,
-        board,
+        _board(options.board),
         start_index=options.start,
         seed=options.seed,
         errors=options.errors,

@@ -71,7 +71,6 @@ class World:
         self._sonars = SonarBank(profile, random_stream(seed, "sonar"))
         self._steps = 0
         self._power_on_us = 0  # of the board, on the world's clock
-        self._pending: list[tuple[int, int, int]] = []  # due_us, sonar, width_us
         self.people: list[Circle] = []
         self._changes_s = self._events.change_times_s()
         start = floor.starts[start_index]
@@ -128,13 +127,10 @@ class World:
             board.encoder_edges(left, right)
         if self._steps % _IMU_STEPS == 0:
             self._sample_imu()
-        while self._pending and self._pending[0][0] <= now_us:
-            _, sonar, width_us = self._pending.pop(0)
-            board.echo(sonar, width_us)
         board.run(now_us - self._power_on_us)
         fired = board.fired()
         if fired:
-            self._ping(fired, now_us)
+            self._ping(fired)
         if self._line is not None:
             self._line.exchange(board, self.time_s)
         if self._steps % _TRUTH_STEPS == 0:
@@ -144,7 +140,6 @@ class World:
         """The board restarts here and now: its clock begins at 0, echoes under way are lost."""
         self.board.reset(cause)
         self._power_on_us = self._steps * _STEP_US
-        self._pending.clear()
         self._tell_inputs()
 
     def _tell_inputs(self) -> None:
@@ -221,10 +216,9 @@ class World:
         self.board.imu(*self._imu.sample(turned_rad / period_s, c * ax_m_s2 + s * ay_m_s2, c * ay_m_s2 - s * ax_m_s2))
         self._imu_start = (self._pose[2], self._velocity[0], self._velocity[1])
 
-    def _ping(self, fired: Sequence[int], now_us: int) -> None:
+    def _ping(self, fired: Sequence[int]) -> None:
         for sonar, width_us in self._sonars.ping(self.echo_model, self._pose, fired, self.people):
-            self._pending.append((now_us + width_us, sonar, width_us))
-        self._pending.sort()
+            self.board.echo(sonar, width_us)
 
     def _record_truth(self) -> None:
         pose = self.truth

@@ -6,7 +6,7 @@ from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 VERSION = 1
-HASH = 0x6C55
+HASH = 0x6732
 STOP_BYTE = b"\x18"
 MAX_LINE = 120
 
@@ -105,6 +105,8 @@ class SimSta(NamedTuple):
     error: int  # common/errors.py
     free_ram: int  # bytes
     bad_lines: int  # damaged lines received
+    pitch_cdeg: int  # 0.01 deg, nose up positive
+    roll_cdeg: int  # 0.01 deg, left side up positive
 
 
 class CarSta(NamedTuple):
@@ -220,6 +222,8 @@ LAYOUT: dict[type[Message], tuple[str, str, str, tuple[FieldSpec, ...]]] = {
             FieldSpec("error", 1, 0, 999),
             FieldSpec("free_ram", 1, 0, 65535),
             FieldSpec("bad_lines", 1, 0, 65535),
+            FieldSpec("pitch_cdeg", 1, -9000, 9000),
+            FieldSpec("roll_cdeg", 1, -18000, 18000),
         ),
     ),
     CarSta: (

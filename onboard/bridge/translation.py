@@ -90,7 +90,8 @@ def error_code(number: int) -> ErrorCode:
 
 def sim_status(sta: SimSta, t_s: float, beats: int) -> Status:
     ready = sta.state == SimState.RUNNING
-    detail = f"free_ram={sta.free_ram} bad_lines={sta.bad_lines}"
+    tilt = f"pitch_deg={sta.pitch_cdeg / 100:.1f} roll_deg={sta.roll_cdeg / 100:.1f}"
+    detail = f"free_ram={sta.free_ram} bad_lines={sta.bad_lines} {tilt}"
     return Status(t_s, SimState(sta.state).name, error_code(sta.error), sta.free_ram // 1024, ready, beats, detail)
 
 

@@ -9,6 +9,8 @@ from itertools import pairwise
 import pytest
 
 from common.constants import TICK_M
+from offboard.simulator.board import HostBoard
+from onboard.bridge.line_protocol import LineDecoder
 from onboard.bridge.protocol import CarSta, Dst, Odo, OdoFlag, Rng, SimSta
 from tests.firmware.bench import Bench, ready_bench
 
@@ -57,6 +59,22 @@ def test_bias_is_known_well_after_a_second_of_standing() -> None:
         drift_deg = ((bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000) / 100 - (bench.heading_deg - heading)
         errors.append(drift_deg / 10.0)
     assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 0.010
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "roll_deg"), [(0, 0), (12, 0), (-30, 0), (0, 20), (0, -75), (10, -40), (0, 170), (-85, 3)]
+)
+def test_pitch_and_roll_are_those_of_gravity(pitch_deg: float, roll_deg: float) -> None:
+    pitch_rad, roll_rad = math.radians(pitch_deg), math.radians(roll_deg)
+    gravity = (math.sin(pitch_rad), math.cos(pitch_rad) * math.sin(roll_rad), math.cos(pitch_rad) * math.cos(roll_rad))
+    counts = [round(16384 * g) for g in gravity]
+    board = HostBoard()
+    for n in range(1, 100):
+        board.imu(*counts, 0, 0, 0)
+        board.run(n * 10_000)
+    told = [r.message for r in LineDecoder().feed(board.serial_read()) if isinstance(r.message, SimSta)][-1]
+    assert told.pitch_cdeg / 100 == pytest.approx(pitch_deg, abs=0.3)
+    assert told.roll_cdeg / 100 == pytest.approx(roll_deg, abs=0.3 + abs(pitch_deg) / 40)
 
 
 @pytest.mark.requirement("SIM_MR_02", "SIM_MR_03")

@@ -60,6 +60,22 @@ def messages_of(story: Story, seconds: float) -> dict[str, list[Any]]:
     return said
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_binary_for_the_mega_maps_a_whole_floor(island: Path, tmp_path: Path) -> None:
+    try:
+        code = simulate(RunOptions(island, seed=1, out=tmp_path / "run", board="avr"))
+    except StartError as error:
+        pytest.skip(str(error))
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    assert code == 0, summary["reason"]
+    assert summary["finished"]
+    assert summary["coverage"] > 0.85
+    assert summary["clearance_m"] > 0.0
+    assert summary["home_m"] < 0.5
+    assert summary["map_rmse_m"] < 0.3
+
+
 def test_a_run_repeats_to_the_bit_from_its_seed_and_another_seed_is_another_run(hall: Path, tell: Tell) -> None:
     first, again, other = (messages_of(tell(hall, seed=seed), 60.0) for seed in (5, 5, 6))
     assert all(first.values())

@@ -30,6 +30,7 @@ static const int32_t kTurnRateMin_cdps = 200;
 static const int32_t kTurnDone_cdeg = 50;            // half of k_angle_error
 static const int32_t kTurnSettle_ms = 120;
 static const int32_t kTurnTimeout_ms = 20000;
+static const int32_t kHoldGain = 5;                  // deg/s per degree off the heading
 static const int32_t kHoldRateMax_cdps = 3000;
 static const int32_t kTurnAcceleration_cdps2 = 12000;
 
@@ -63,6 +64,7 @@ static const int16_t kGyroBootSpread_lsb = 131;      // 2 deg/s from the lowest 
 static const int16_t kGyroStillGate_lsb = 66;        // 1 deg/s from the bias: still standing
 static const uint16_t kStandstill_ms = 200;          // no tick for this long
 static const uint16_t kImuSilent_ms = 50;
+static const int32_t kTiltTicks = 64;                // over which pitch and roll are smoothed
 
 // Safety chain
 static const uint16_t kHeartbeatTimeout_ms = 250;    // = HEARTBEAT_TIMEOUT_S * 1000
@@ -73,6 +75,42 @@ static const uint16_t kDisarm_ms = 1000;             // = DISARM_TIMEOUT_S * 100
 static const int32_t kEncoderDeadPwm = 80;           // driven this hard ...
 static const uint16_t kEncoderDead_ms = 500;         // ... for this long without a tick
 static const uint16_t kBatteryLow_mv = 10500;        // 0 mV = not wired
+
+// Wiring of the Mega. The name ends with the port, the number is the bit in it, the comment the number on the board.
+// Encoders and motor PWM sit on pins whose interrupt or timer is theirs alone, see src/hal/; they cannot be moved here.
+static const uint8_t kDirLeft_A = 0;                 // D22
+static const uint8_t kDirRight_A = 1;                // D23
+static const uint8_t kEnable_A = 2;                  // D24, pull-down of 10 kOhm to ground at the driver
+static const uint8_t kBumper_A = 3;                  // D25
+static const uint8_t kCliffLeft_A = 4;               // D26
+static const uint8_t kCliffRight_A = 5;              // D27
+static const uint8_t kStopButton_A = 6;              // D28
+static const uint8_t kPwmRight_L = 4;                // D45, OC5B
+static const uint8_t kPwmLeft_L = 5;                 // D44, OC5C
+static const uint8_t kSonarPulse_B[kSonarCount] = {0, 1, 2, 3, 4};    // D53, D52, D51, D50, D10; in the sonars' order
+static const uint8_t kSonarTrigger_C[kSonarCount] = {7, 6, 5, 4, 3};  // D30 to D34
+static const uint8_t kEncoderLeftA_E = 4;            // D2, INT4
+static const uint8_t kEncoderRightA_E = 5;           // D3, INT5
+static const uint8_t kEncoderRightB_D = 2;           // D19, INT2
+static const uint8_t kEncoderLeftB_D = 3;            // D18, INT3
+static const uint8_t kBattery_F = 0;                 // A0
+
+// What is fitted. Each input reads "danger" when its wire is off, so one that is not there has to be named here
+static const bool kBumperFitted = true;
+static const bool kCliffFitted = true;
+static const bool kStopButtonFitted = true;
+static const bool kLeftMotorReversed = false;        // turns backwards at a positive speed
+static const bool kRightMotorReversed = false;
+static const bool kLeftEncoderReversed = false;      // counts down when the wheel rolls forwards
+static const bool kRightEncoderReversed = false;
+
+// Drivers
+static const uint32_t kBaud = 115200;
+static const uint8_t kPwmStep = 3;                   // timer counts per PWM unit: 16 MHz / (3 * 255 + 1) = 20.9 kHz
+static const uint8_t kImuPeriod_ms = 5;              // between two readings of the MPU-6050
+static const uint8_t kImuTimeout_ms = 3;             // a transfer takes 0.5 ms
+static const uint16_t kBatteryFull_mv = 15000;       // at 5 V behind the divider of 20 and 10 kOhm
+static const uint8_t kLoopLockup_ms = 60;            // no pass of the loop for this long: motors off; then the watchdog
 
 // Rhythm
 static const uint16_t kTick_ms = 10;

@@ -93,7 +93,7 @@ void Carrier::ramp(int32_t speed_mm_s, bool hard) {
 }
 
 void Carrier::follow_heading(int32_t error_cdeg) {
-  const int32_t rate = clamp(error_cdeg * 5 / 2, config::kHoldRateMax_cdps);
+  const int32_t rate = clamp(error_cdeg * config::kHoldGain, config::kHoldRateMax_cdps);
   rate_cdps_ = approach(rate_cdps_, rate, kRateStep_cdps);
 }
 

@@ -52,4 +52,17 @@ inline int32_t square_root(uint32_t value) {
   return static_cast<int32_t>(root);
 }
 
+// atan2 in 0.01 deg, in (-18000, 18000]; both arguments below 2^17. Within 0.25 deg (Rajan et al., "Efficient
+// approximations for the arctangent function", IEEE Signal Processing Magazine 23, 2006).
+inline int32_t arctangent_cdeg(int32_t y, int32_t x) {
+  const int32_t up = magnitude(y), along = magnitude(x);
+  const int32_t longer = up > along ? up : along;
+  if (longer == 0) return 0;
+  const int32_t z = ((up > along ? along : up) * 16384) / longer;
+  int32_t angle = (z * (4500 + ((1564 * (16384 - z)) >> 14))) >> 14;
+  if (up > along) angle = kTurn_cdeg / 4 - angle;
+  if (x < 0) angle = kTurn_cdeg / 2 - angle;
+  return y < 0 ? -angle : angle;
+}
+
 }  // namespace core

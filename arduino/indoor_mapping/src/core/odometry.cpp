@@ -108,6 +108,7 @@ void Odometry::update(hal::Hal& hardware, uint32_t now_us, bool motors_off) {
   if (hardware.imu(&reading)) {
     imu_silent_ms_ = 0;
     gyro_.sample(reading.gz, dt_us, standing());
+    tilt_.sample(reading.ax, reading.ay, reading.az);
   } else {
     imu_silent_ms_ = add_capped(imu_silent_ms_, dt_us / 1000u);
   }

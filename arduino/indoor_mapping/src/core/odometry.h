@@ -4,6 +4,7 @@
 
 #include "../config.h"
 #include "../hal/hal.h"
+#include "tilt.h"
 
 namespace core {
 
@@ -37,6 +38,7 @@ class Odometry {
   // Every control tick
   void update(hal::Hal& hardware, uint32_t now_us, bool motors_off);
   const Gyro& gyro() const { return gyro_; }
+  const Tilt& tilt() const { return tilt_; }
   bool imu_silent() const { return imu_silent_ms_ >= config::kImuSilent_ms; }
   bool standing() const { return still_ms_ >= config::kStandstill_ms && motors_off_; }
   int32_t ticks_left() const { return left_; }
@@ -52,6 +54,7 @@ class Odometry {
   int32_t window_speed_q8(int32_t ticks, uint8_t back) const;
   static const uint8_t kHistory = 16;
   Gyro gyro_;
+  Tilt tilt_;
   int32_t left_, right_;
   int32_t history_left_[kHistory], history_right_[kHistory];
   uint32_t history_us_[kHistory];

@@ -7,7 +7,7 @@
 namespace core {
 
 static const uint16_t kProtocolVersion = 1;
-static const uint16_t kProtocolHash = 0x6C55;
+static const uint16_t kProtocolHash = 0x6732;
 static const uint8_t kStopByte = 0x18;
 
 enum SimState : uint8_t {
@@ -123,6 +123,8 @@ struct SimSta {
   int32_t error;  // common/errors.py
   int32_t free_ram;  // bytes
   int32_t bad_lines;  // damaged lines received
+  int32_t pitch_cdeg;  // 0.01 deg, nose up positive
+  int32_t roll_cdeg;  // 0.01 deg, left side up positive
 };
 inline void write(LineEncoder& line, const SimSta& m, uint32_t now_ms) {
   line.begin("SIM", "CM", now_ms, "STA");
@@ -130,6 +132,8 @@ inline void write(LineEncoder& line, const SimSta& m, uint32_t now_ms) {
   line.put_field(m.error);
   line.put_field(m.free_ram);
   line.put_field(m.bad_lines);
+  line.put_field(m.pitch_cdeg);
+  line.put_field(m.roll_cdeg);
 }
 
 // CAR -> CM, 10 Hz and at once on change

@@ -23,10 +23,11 @@ Robot::Robot(hal::Hal& hardware)
 
 void Robot::advance_time() {
   const uint32_t now_us = hardware_.micros();
-  const uint32_t elapsed_us = now_us - now_us_ + rest_us_;
+  uint32_t elapsed_us = now_us - now_us_ + rest_us_;
   now_us_ = now_us;
-  now_ms_ += elapsed_us / 1000u;
-  rest_us_ = static_cast<uint16_t>(elapsed_us % 1000u);
+  // A loop, because the AVR divides slowly and mostly one millisecond has passed
+  for (; elapsed_us >= 1000u; elapsed_us -= 1000u) ++now_ms_;
+  rest_us_ = static_cast<uint16_t>(elapsed_us);
 }
 
 void Robot::spin() {
@@ -242,6 +243,8 @@ void Robot::report_sim() {
   }
   status.free_ram = hardware_.free_ram();
   status.bad_lines = decoder_.bad();
+  status.pitch_cdeg = odometry_.tilt().pitch_cdeg();
+  status.roll_cdeg = odometry_.tilt().roll_cdeg();
   send(status);
 }
 

@@ -95,7 +95,8 @@ uint16_t Sonars::age_ms(uint8_t sonar, uint32_t now_us) const {
 }
 
 uint16_t Sonars::fresh_mm(uint8_t sonar, uint32_t now_us) const {
-  return age_ms(sonar, now_us) <= config::kSonarAgeMax_ms ? range_mm_[sonar] : 0;
+  const bool fresh = heard_[sonar] && now_us - measured_us_[sonar] < (config::kSonarAgeMax_ms + 1) * 1000ul;
+  return fresh ? range_mm_[sonar] : 0;
 }
 
 Distances Sonars::distances(uint32_t now_us) const {

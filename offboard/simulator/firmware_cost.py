@@ -1,0 +1,62 @@
+"""What the firmware costs on the Mega, measured in simavr while the robot drives: `python -m
+offboard.simulator.firmware_cost`. Processor, interrupt latency, memory and the serial line.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from common.messages import Speed
+from deploy.board_link import BoardLink
+from offboard.simulator.avr_board import AvrBoard, build_avr_firmware
+from offboard.simulator.errors import PROFILES, random_stream
+from offboard.simulator.floor import load_floor
+from offboard.simulator.options import FLOORS
+from offboard.simulator.serial_line import BAUD, BITS_PER_BYTE, HostPort, SerialLine
+from offboard.simulator.world import World
+
+SECONDS = 20.0
+
+
+class CountingBoard(AvrBoard):
+    """Counts what it says."""
+
+    said = 0
+
+    def serial_read(self) -> bytes:
+        data = super().serial_read()
+        self.said += len(data)
+        return data
+
+
+def main() -> int:
+    board = CountingBoard()
+    profile = PROFILES["realistic"]
+    line = SerialLine(profile, random_stream(0, "serial"))
+    world = World(load_floor(FLOORS / "straight.json"), 0, 0, profile, board, line)
+    link = BoardLink(HostPort(line))
+    link.allow_motion()
+    while not link.ready:
+        world.step()
+        link.step(world.time_s)
+    heading_deg = link.odo.yaw_cdeg / 100.0 if link.odo is not None else 0.0
+    link.drive(Speed.MEDIUM, heading_deg)
+    begin_s, said = world.time_s, board.said
+    while world.time_s < begin_s + SECONDS:
+        world.step()
+        link.step(world.time_s)
+    bytes_per_s = (board.said - said) / SECONDS
+    size = subprocess.check_output(["avr-size", build_avr_firmware()], text=True).splitlines()[1].split()
+    sys.stdout.write(
+        f"flash {int(size[0]) + int(size[1])} bytes, variables {int(size[1]) + int(size[2])} bytes\n"
+        f"processor busy {100 * board.busy_share:.0f} %, worst interrupt latency "
+        f"{board.worst_interrupt_latency_us:.0f} us\n"
+        f"memory never touched {board.untouched_ram} bytes of 8192\n"
+        f"line {bytes_per_s:.0f} bytes/s, {100 * bytes_per_s * BITS_PER_BYTE / BAUD:.0f} % of {BAUD} baud\n"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

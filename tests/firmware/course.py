@@ -1,0 +1,77 @@
+"""A board in the simulated building with all its errors, driven over the line by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import degrees
+from typing import Any
+
+from common.messages import Speed
+from deploy.board_link import BoardLink
+from offboard.simulator.board import Board
+from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
+from offboard.simulator.floor import parse_floor
+from offboard.simulator.serial_line import HostPort, SerialLine
+from offboard.simulator.world import World
+from onboard.bridge.protocol import Message
+
+
+def open_hall(length_m: float, width_m: float) -> Any:
+    content: dict[str, Any] = {
+        "name": "hall",
+        "units": "m",
+        "wall_colour_rgb": [230, 230, 230],
+        "corridor": {"exterior": [[0, 0], [length_m, 0], [length_m, width_m], [0, width_m]], "holes": []},
+        "doors": [],
+        "posters": [],
+        "starts": [{"x_m": 2.0, "y_m": width_m / 2, "heading_deg": 0.0}],
+    }
+    return parse_floor(content, "hall")
+
+
+class Course:
+    """Every time is simulated time since power-on."""
+
+    def __init__(
+        self,
+        board: Board,
+        seed: int,
+        errors: str | ErrorProfile = "realistic",
+        *,
+        size_m: tuple[float, float] = (20, 6),
+    ) -> None:
+        profile = PROFILES[errors] if isinstance(errors, str) else errors
+        line = SerialLine(profile, random_stream(seed, "serial"))
+        self.world = World(open_hall(*size_m), 0, seed, profile, board, line)
+        self.link = BoardLink(HostPort(line))
+        self.messages: list[Message] = []
+
+    @property
+    def now_s(self) -> float:
+        return self.world.time_s
+
+    @property
+    def heading_deg(self) -> float:
+        return degrees(self.world.truth.heading_rad)
+
+    def step(self) -> None:
+        self.world.step()
+        self.messages += self.link.step(self.now_s)
+
+    def until(self, holds: Callable[[], bool], within_s: float) -> None:
+        end_s = self.now_s + within_s
+        while not holds():
+            assert self.now_s < end_s, f"not within {within_s} s: {self.link.car}"
+            self.step()
+
+    def at(self, time_s: float) -> None:
+        while self.now_s < time_s - 1e-9:
+            self.step()
+
+    def get_ready(self) -> None:
+        self.link.allow_motion()
+        self.until(lambda: self.link.ready, 6.0)
+
+    def turn(self, yaw_deg: float) -> None:
+        command = self.link.drive(Speed.STOP, yaw_deg)
+        self.until(lambda: self.link.completed(command), 15.0)

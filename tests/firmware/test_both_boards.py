@@ -1,0 +1,140 @@
+"""Host build and AVR binary in the building with realistic errors: speed, heading, turns, rhythm, likeness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from math import hypot, inf, sqrt
+
+import pytest
+
+from common.messages import Speed
+from offboard.simulator.avr_board import AvrBoard
+from offboard.simulator.board import Board, HostBoard
+from offboard.simulator.errors import PROFILES
+from onboard.bridge.protocol import CarSta, Dst, Odo, Rng, SimSta
+from tests.firmware.course import Course
+
+# A sill turns the body by up to 3 degrees under wheels that held still; what comes after it is a test of its own
+SMOOTH_FLOOR = replace(PROFILES["realistic"], bump_spacing_m=inf)
+
+MakeBoard = Callable[[], Board]
+
+
+def off_heading_deg(odo: Odo) -> float:
+    return ((odo.yaw_cdeg + 18000) % 36000 - 18000) / 100.0
+
+
+@pytest.mark.requirement("CAR_MR_02", "CAR_MR_03")
+def test_robot_holds_speed_and_heading_for_a_minute(make_board: MakeBoard) -> None:
+    course = Course(make_board(), 1, SMOOTH_FLOOR)
+    course.get_ready()
+    course.at(4.0)
+    course.link.drive(Speed.MEDIUM, 0.0)
+    course.at(7.0)
+    course.messages.clear()
+    while course.now_s < 60.0:
+        course.step()
+        assert course.world.true_motion[0] == pytest.approx(0.16, abs=0.01)
+    reports = [m for m in course.messages if isinstance(m, Odo)]
+    assert all(abs(odo.speed_mm_s - 160) <= 10 for odo in reports)
+    assert all(abs(off_heading_deg(odo)) <= 1.0 for odo in reports)
+
+
+def test_true_heading_drifts_less_than_a_degree_in_the_minute_after_a_standstill() -> None:
+    """The root of the mean square over runs: the bias of the gyro walks by chance, which nothing on board can see."""
+    errors_deg = []
+    for seed in range(6):
+        course = Course(HostBoard(), seed, SMOOTH_FLOOR)
+        course.get_ready()
+        course.at(4.0)
+        course.link.drive(Speed.MEDIUM, 0.0)
+        course.at(60.0)
+        errors_deg.append(course.heading_deg)
+    assert sqrt(sum(e * e for e in errors_deg) / len(errors_deg)) < 1.0
+
+
+def test_robot_is_back_on_its_heading_soon_after_a_sill() -> None:
+    course = Course(HostBoard(), 3, replace(PROFILES["realistic"], bump_spacing_m=2.0))
+    course.get_ready()
+    course.at(4.0)
+    course.link.drive(Speed.MEDIUM, 0.0)
+    course.at(7.0)
+    course.messages.clear()
+    course.at(60.0)
+    off = [abs(off_heading_deg(m)) > 1.0 for m in course.messages if isinstance(m, Odo)]
+    assert any(off)
+    longest = run = 0
+    for beyond in off:
+        run = run + 1 if beyond else 0
+        longest = max(longest, run)
+    assert longest <= 10
+
+
+@pytest.mark.requirement("CAR_MR_01")
+def test_a_turn_on_the_spot_stays_on_the_spot(make_board: MakeBoard) -> None:
+    course = Course(make_board(), 2)
+    course.get_ready()
+    course.at(4.0)
+    for turn_deg in (90.0, 0.0, -90.0):
+        before = course.world.truth
+        course.turn(turn_deg)
+        course.at(course.now_s + 0.5)
+        assert before.distance_m(course.world.truth) <= 0.02
+        assert course.heading_deg == pytest.approx(turn_deg, abs=1.0)
+
+
+@pytest.mark.requirement("SIM_MR_01", "SIM_MR_05")
+def test_reports_come_ten_times_a_second(make_board: MakeBoard) -> None:
+    course = Course(make_board(), 1)
+    course.get_ready()
+    course.messages.clear()
+    begin_s = course.now_s
+    course.link.drive(Speed.MEDIUM, 0.0)
+    course.at(begin_s + 10.0)
+    for kind in (Odo, Rng, Dst, SimSta):
+        assert len([m for m in course.messages if isinstance(m, kind)]) == pytest.approx(100, abs=2), kind
+    assert len([m for m in course.messages if isinstance(m, CarSta)]) >= 98
+    numbers = [m.seq for m in course.messages if isinstance(m, Odo)]
+    assert all(b - a == 1 for a, b in pairwise(numbers))
+
+
+def test_both_boards_drive_the_same_way(avr_tools: None) -> None:
+    """One minute: straight on, a turn, a slow swerve, backwards."""
+    ways = []
+    for make_board in (HostBoard, AvrBoard):
+        course = Course(make_board(), 4, SMOOTH_FLOOR, size_m=(12, 12))
+        course.get_ready()
+        for at_s, speed, yaw_deg in (
+            (4.0, Speed.MEDIUM, 0.0),
+            (14.0, Speed.MEDIUM, 90.0),
+            (27.0, Speed.MEDIUM, 97.0),
+            (35.0, Speed.STOP, 0.0),
+            (42.0, Speed.REVERSE, 0.0),
+            (44.0, Speed.HIGH, 8.0),
+            (56.0, Speed.STOP, 8.0),
+        ):
+            course.at(at_s)
+            course.link.drive(speed, yaw_deg)
+        course.at(60.0)
+        assert course.world.contacts == 0
+        ways.append(course.world.truth_log)
+    apart_m = [hypot(a[1] - b[1], a[2] - b[2]) for a, b in zip(*ways, strict=True)]
+    assert max(apart_m) < 0.02
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_commands_and_their_ends_survive_a_line_that_loses_lines(seed: int) -> None:
+    """One bit in 4000 is wrong: every tenth report is lost and every twentieth command, and now and then so many
+    heartbeats in a row that the robot stops. Whatever happens to a command, its end is told."""
+    course = Course(HostBoard(), seed, replace(PROFILES["none"], serial_bit_error_rate=2.5e-4))
+    course.get_ready()
+    for turn in range(1, 9):
+        ends = ""
+        while ends != "completed":
+            command = course.link.drive(Speed.STOP, turn * 45.0)
+            course.until(lambda c=command: course.link.completed(c) or course.link.aborted(c), 15.0)
+            ends = "completed" if course.link.completed(command) else "aborted"
+        assert (course.heading_deg - turn * 45.0 + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.0)
+    assert course.link.bad_lines > 20
