@@ -45,24 +45,23 @@ def add_verbs(verbs: Any) -> None:
     check.set_defaults(run=_with_board(check_sensors))
     drive = verbs.add_parser("drive", help="drive by the keys w W x a d, space stops, q ends")
     drive.set_defaults(run=_with_board(_drive_by_keyboard))
-    for parser in (check, drive):
-        _add_board_arguments(parser)
+    _add_board_arguments(check, drive)
 
 
 def add_calibrations(things: Any) -> None:
-    wheels = things.add_parser("wheels", help="diameter and track, by a line and squares in both directions")
+    wheels = things.add_parser("wheels", help="diameters and track, by squares in both directions (UMBmark)")
     wheels.add_argument("--side", type=float, default=2.0, help="of the square, metres (2)")
     wheels.add_argument("--rounds", type=int, default=2, help="squares in each direction (2)")
     wheels.set_defaults(run=_with_board(_calibrate_wheels))
-    gyro = things.add_parser("gyro", help="its scale, by turns on the spot")
+    gyro = things.add_parser("gyro", help="the gyro's scale, by turns on the spot")
     gyro.set_defaults(run=_with_board(lambda session, _, ask, tell: calibrate_gyro(session, ask, tell)))
-    for parser in (wheels, gyro):
-        _add_board_arguments(parser)
+    _add_board_arguments(wheels, gyro)
 
 
-def _add_board_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--config", type=Path, help="robot.toml")
-    parser.add_argument("--port", help="serial port, instead of the one in robot.toml")
+def _add_board_arguments(*parsers: argparse.ArgumentParser) -> None:
+    for parser in parsers:
+        parser.add_argument("--config", type=Path, help="robot.toml")
+        parser.add_argument("--port", help="serial port, instead of the one in robot.toml")
 
 
 def _with_board(action: Callable[[BoardSession, argparse.Namespace, Ask, Tell], int]) -> Any:

@@ -7,7 +7,7 @@ import sys
 from typing import NoReturn
 
 from common.errors import StartError
-from deploy import board_verbs, node_verb, operator_verbs, record_verbs, run_verbs, vision_verbs
+from deploy import board_verbs, calibrate_verb, node_verb, operator_verbs, record_verbs, run_verbs, vision_verbs
 
 
 class _Parser(argparse.ArgumentParser):
@@ -20,12 +20,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Every verb sets `run`, a function of the parsed arguments that returns the exit code."""
     parser = _Parser(prog="indoor-mapping", description="A robot that explores a floor on its own and maps it.")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
-    for family in (run_verbs, node_verb, operator_verbs, record_verbs, vision_verbs, board_verbs):
+    for family in (run_verbs, node_verb, operator_verbs, record_verbs, vision_verbs, board_verbs, calibrate_verb):
         family.add_verbs(verbs)
-    calibrate = verbs.add_parser("calibrate", help="measure this robot and write it into robot.toml")
-    things = calibrate.add_subparsers(dest="thing", metavar="WHAT", required=True, parser_class=_Parser)
-    for calibrations in (board_verbs, vision_verbs):
-        calibrations.add_calibrations(things)
     return parser
 
 

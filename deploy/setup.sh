@@ -4,9 +4,9 @@
 ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 PYTHON="$ROOT/.venv/bin/python"
 DEBIAN_PACKAGES=(g++ libegl1 libgl1-mesa-dri)
-# What the robot does without, and its tests do not: a browser; the firmware's build for the Mega, simavr, a fuzzer
+# A browser for the page; the firmware's build for the Mega, and simavr to run it (`simulate --board avr`)
 TEST_PACKAGES=(chromium make gcc-avr avr-libc arduino-core-avr arduino-builder libsimavr-dev libelf-dev)
-TEST_PACKAGES+=(clang libclang-rt-dev)
+TEST_PACKAGES+=(clang libclang-rt-dev) # the fuzzer
 
 say() { printf '%s\n' "$*" >&2; }
 
@@ -25,16 +25,23 @@ need_debian() {
     "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive "${install[@]}" >&2
 }
 
-not_installed() {
+missing_debian() {
     local package
     for package in "$@"; do
         dpkg-query -W -f '${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || printf '%s\n' "$package"
     done
 }
 
-missing_debian() {
-    not_installed "${DEBIAN_PACKAGES[@]}"
-    python3 -c 'import ensurepip, venv' 2>/dev/null || printf '%s\n' python3-venv
+has_debian() { command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; }
+
+# What only tests need: they skip without it, so that being no root ends nothing
+set_up_tests() {
+    local missing
+    has_debian || return 0
+    mapfile -t missing < <(missing_debian "${TEST_PACKAGES[@]}")
+    if [ "${#missing[@]}" -gt 0 ]; then
+        (need_debian "${missing[@]}") || say "Going on; tests that need what is missing are skipped."
+    fi
 }
 
 wanted_stamp() {
@@ -52,8 +59,9 @@ set_up() {
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then
         return
     fi
-    if command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; then
-        mapfile -t missing < <(missing_debian)
+    if has_debian; then
+        mapfile -t missing < <(missing_debian "${DEBIAN_PACKAGES[@]}")
+        python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
         if [ "${#missing[@]}" -gt 0 ]; then
             need_debian "${missing[@]}"
         fi
@@ -63,14 +71,4 @@ set_up() {
     "$PYTHON" -m pip install -q --disable-pip-version-check -c "$ROOT/constraints.txt" \
         -e "$ROOT[mapping,sim,vision,laptop,dev]" >&2
     printf '%s\n' "$wanted" >"$stamp"
-}
-
-set_up_tests() {
-    local missing
-    if command -v dpkg-query >/dev/null && command -v apt-get >/dev/null; then
-        mapfile -t missing < <(not_installed "${TEST_PACKAGES[@]}")
-        if [ "${#missing[@]}" -gt 0 ]; then
-            need_debian "${missing[@]}"
-        fi
-    fi
 }
