@@ -25,6 +25,7 @@ from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.mmu.mmu import MappingUnit
+from onboard.mmu.worker import DeferredWorker
 from onboard.planner.planner import Planner
 
 TIME_LIMIT_S = 4 * 3600.0
@@ -64,8 +65,9 @@ class _Slot:
 class Lockstep:
     """World and nodes of one run. `advance` runs 5 ms of everything."""
 
-    def __init__(self, simulation: Simulation, nodes: list[Node]) -> None:
-        self.simulation = simulation
+    def __init__(self, simulation: Simulation, nodes: list[Node], beside: Callable[[], None] = lambda: None) -> None:
+        """`beside` is what runs in processes of its own on the robot; it counts to no node's steps."""
+        self.simulation, self._beside = simulation, beside
         self.mesh = LocalMesh()
         self.operator = self.mesh.endpoint("command_center")
         self.slots = [_Slot(node, self.mesh.endpoint(node.name)) for node in nodes]
@@ -83,6 +85,7 @@ class Lockstep:
         self.mesh.now_s = now_s
         for slot in self.slots:
             slot.run(now_s)
+        self._beside()
 
     def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
         """Advance until the condition holds (True) or so much simulated time is over (False)."""
@@ -141,9 +144,10 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
         events=events,
     )
     config = Config()
+    back_end = DeferredWorker()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
-        MappingUnit(config.sonars.bearings_rad),
+        MappingUnit(config.sonars.bearings_rad, back_end),
         Planner(),
         Comm(config.comm),
     ]
@@ -151,7 +155,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
         nodes.append(recorder)
     if simulation.camera is not None:
         nodes.append(Eye(simulation))
-    return Lockstep(simulation, nodes)
+    return Lockstep(simulation, nodes, back_end.work)
 
 
 def simulate(options: RunOptions) -> int:
