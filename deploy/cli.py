@@ -7,7 +7,16 @@ import sys
 from typing import NoReturn
 
 from common.errors import StartError
-from deploy import board_verbs, calibrate_verb, node_verb, operator_verbs, record_verbs, run_verbs, vision_verbs
+from deploy import (
+    board_verbs,
+    calibrate_verb,
+    node_verb,
+    operator_verbs,
+    record_verbs,
+    replay_verb,
+    run_verbs,
+    vision_verbs,
+)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -20,7 +29,16 @@ def build_parser() -> argparse.ArgumentParser:
     """Every verb sets `run`, a function of the parsed arguments that returns the exit code."""
     parser = _Parser(prog="indoor-mapping", description="A robot that explores a floor on its own and maps it.")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
-    for family in (run_verbs, node_verb, operator_verbs, record_verbs, vision_verbs, board_verbs, calibrate_verb):
+    for family in (
+        run_verbs,
+        replay_verb,
+        node_verb,
+        operator_verbs,
+        record_verbs,
+        vision_verbs,
+        board_verbs,
+        calibrate_verb,
+    ):
         family.add_verbs(verbs)
     return parser
 

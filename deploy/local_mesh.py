@@ -114,7 +114,8 @@ class LocalRun:
         # A socket's path must be short, which a run folder's need not be
         self._socket_folder = tempfile.TemporaryDirectory(prefix="indoor-mapping-")
         self._frames = Path(self._socket_folder.name) / "frames"
-        for left_over in (self._serial, self._work / "stop_latch.json", *self._work.glob(f"*{STEPS_SUFFIX}")):
+        left_overs = (self._serial, *(self._work / name for name in ("stop_latch.json", "map.npz")))
+        for left_over in (*left_overs, *self._work.glob(f"*{STEPS_SUFFIX}")):
             left_over.unlink(missing_ok=True)
         # Headless runs go side by side, and between looking for a free port and taking it another could take it
         router, page = (None, None) if options.headless else (usual_port(), VisualizerSection().port)

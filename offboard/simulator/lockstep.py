@@ -28,9 +28,10 @@ from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
 from onboard.mmu.mmu import MappingUnit
+from onboard.mmu.worker import DeferredWorker as DeferredBackEnd
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi, reader_of
-from onboard.poi.reading_worker import DeferredWorker
+from onboard.poi.reading_worker import DeferredWorker as DeferredReading
 
 TIME_LIMIT_S = 4 * 3600.0
 RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
@@ -68,8 +69,11 @@ class _Slot:
 class Lockstep:
     """World and nodes of one run. `advance` runs 5 ms of everything."""
 
-    def __init__(self, simulation: Simulation, nodes: list[Node], seed: int = 0) -> None:
-        self.simulation = simulation
+    def __init__(
+        self, simulation: Simulation, nodes: list[Node], seed: int = 0, beside: Callable[[], None] = lambda: None
+    ) -> None:
+        """`beside` is what runs in processes of its own on the robot; it counts to no node's steps."""
+        self.simulation, self._beside = simulation, beside
         self.mesh = LocalMesh(seed)
         self.operator = self.mesh.endpoint("command_center")
         self.slots = [_Slot(node, self.mesh.endpoint(node.name)) for node in nodes]
@@ -87,6 +91,7 @@ class Lockstep:
         self.mesh.now_s = now_s
         for slot in self.slots:
             slot.run(now_s)
+        self._beside()
 
     def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
         """Advance until the condition holds (True) or so much simulated time is over (False)."""
@@ -128,17 +133,18 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     if simulation.camera is not None:
         config = with_camera(config)
+    back_end = DeferredBackEnd()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
-        MappingUnit(config.sonars.bearings_rad),
+        MappingUnit(config.sonars.bearings_rad, back_end),
         Planner(),
         Comm(config.comm, outbox=outbox),
     ]
     if recorder is not None:
         nodes.append(recorder)
     if simulation.camera is not None:
-        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), DeferredWorker(lambda: reader_of(config.poi))))
-    return Lockstep(simulation, nodes, options.seed)
+        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), DeferredReading(lambda: reader_of(config.poi))))
+    return Lockstep(simulation, nodes, options.seed, back_end.work)
 
 
 def simulate(options: RunOptions) -> int:

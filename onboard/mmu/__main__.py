@@ -3,7 +3,7 @@
 import sys
 
 from common.process import run
-from onboard.mmu.mmu import MappingUnit
+from onboard.mmu.mmu import make_mapping_unit
 
 if __name__ == "__main__":
-    sys.exit(run("mmu", lambda config, _: MappingUnit(config.sonars.bearings_rad)))
+    sys.exit(run("mmu", make_mapping_unit))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from common.bus import Bus, alive
+from common.config import Config
 from common.constants import MAP_RATE_MAX_HZ, MAP_TOLERANCE_M, SONAR_BEARINGS_RAD
 from common.errors import ErrorCode
 from common.messages import (
@@ -25,9 +28,12 @@ from common.messages import (
     Trajectory,
 )
 from common.status import StatusReporter
+from onboard.mmu.map_file import SavedMap, load_map
 from onboard.mmu.occupancy import CELL_M
-from onboard.mmu.slam import Slam
+from onboard.mmu.slam import Carrier, Slam
+from onboard.mmu.worker import ProcessWorker, Worker
 
+MAP_FILE = "map.npz"
 GRID_PERIOD_S = 1.0
 TRAJECTORY_PERIOD_S = 10.0
 MAX_SD_M = MAP_TOLERANCE_M  # a pose less certain than this is not valid
@@ -39,8 +45,14 @@ class MappingUnit:
     name = "mmu"
     period_s = 0.05
 
-    def __init__(self, bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD) -> None:
-        self._slam = Slam(bearings_rad)
+    def __init__(
+        self,
+        bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD,
+        worker: Worker | None = None,
+        saved: SavedMap | None = None,
+    ) -> None:
+        """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
+        self._slam = Slam(Carrier(bearings_rad), worker, saved)
         self._status = StatusReporter(self.name)
         self._map_sent_s = self._grid_sent_s = self._trajectory_sent_s = -math.inf
         self._sent_points = 0
@@ -65,12 +77,13 @@ class MappingUnit:
         self._status.report(bus, now_s, state="MAPPING" if ready else "WAITING", error=error, ready=ready)
 
     def close(self) -> None:
-        """Nothing is held open."""
+        self._slam.close()
 
     def _take_in(self, bus: Bus, odometry: Odometry) -> None:
         if not odometry.valid:
             return
-        self._slam.add_odometry(odometry)
+        if not self._slam.add_odometry(odometry):
+            return  # broken, or the first of a board that restarted: the next one tells more
         pose = self._slam.pose
         sd_xy_m, sd_heading_rad = self._slam.uncertainty
         self._pose = PoseEstimate(
@@ -123,3 +136,10 @@ class MappingUnit:
                 zlib.compress(cells.tobytes(), 1),
             ),
         )
+
+
+def make_mapping_unit(config: Config, arguments: argparse.Namespace) -> MappingUnit:
+    """The node of the process; the map stands in the log folder, and a process that comes back goes on in it."""
+    folder: Path | None = arguments.log_dir
+    file = folder / MAP_FILE if folder else None
+    return MappingUnit(config.sonars.bearings_rad, ProcessWorker(file), load_map(file) if file else None)

@@ -7,7 +7,7 @@ corrected by the map.
 
 from __future__ import annotations
 
-from math import cos, isfinite, pi, radians, sin
+from math import cos, hypot, isfinite, pi, radians, sin
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -20,7 +20,10 @@ from common.messages import Odometry
 SLIP_SD_PER_SQRT_M = 0.01  # metres of slip per wheel after one metre
 GYRO_DRIFT_SD_RAD_PER_SQRT_S = radians(0.05)  # between two standstills
 GYRO_SD_RAD = radians(0.05)
-MAX_STEP_M = 0.5  # more between two reports is no motion of this robot
+MAX_SPEED_M_S = 1.0  # of a wheel: what goes further between two reports is no motion of this robot
+MAX_STEP_M = 0.1  # on top of that
+GAP_S = 0.25  # over a longer gap the board's own dead reckoning knows the way better than one arc does
+BELIEVED_AFTER = 5  # reports that agree with each other and not with what came before: the ticks did jump
 
 
 class OdometryFilter:
@@ -31,11 +34,17 @@ class OdometryFilter:
         self._filter = ExtendedKalmanFilter(dim_x=4, dim_z=1)
         self._filter.P = np.zeros((4, 4))
         self._last: Odometry | None = None
+        self._pose = Pose2(0.0, 0.0, 0.0)
+        self._calibration = (0.0, 0.0)  # rad per metre, rad per radian
+        self.turned_rad = 0.0  # all turns so far, as measured
+        self.calibrated_rad = 0.0  # all that the calibration added to them
         self._yaw_unwrapped_rad = 0.0
+        self._jumped: tuple[Odometry, int] | None = None
+        self.carried = False  # the way since the last report is not known; whoever acts on it sets it back
 
     @property
     def pose(self) -> Pose2:
-        return Pose2.from_array(self._filter.x.ravel())
+        return self._pose
 
     @property
     def covariance(self) -> FloatArray:
@@ -47,23 +56,62 @@ class OdometryFilter:
         if not all(map(isfinite, (odometry.t_s, odometry.yaw_rad))):
             return False
         last = self._last
-        if last is not None and odometry.session == last.session and odometry.t_s <= last.t_s:
-            return True
-        self._last = odometry
         if last is None or odometry.session != last.session:
             # The board's yaw begins anew; the heading goes on
+            self._last, self._jumped = odometry, None
             self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
             return last is None
+        if odometry.t_s <= last.t_s:
+            return True
+        if not _reachable(last, odometry, self._tick_m):
+            self._jump(odometry)
+            return False
+        self._last, self._jumped = odometry, None
+        before = Pose2.from_array(self._filter.x.ravel())
+        dt_s = odometry.t_s - last.t_s
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
-        dt_s = odometry.t_s - last.t_s
-        if max(abs(left_m), abs(right_m)) > MAX_STEP_M:
-            return False
         self._predict(left_m, right_m, dt_s, odometry.standing)
-        turn_rad = wrap_angle(odometry.yaw_rad - last.yaw_rad)
-        self._yaw_unwrapped_rad += turn_rad
+        self._yaw_unwrapped_rad += wrap_angle(odometry.yaw_rad - last.yaw_rad)
         self._correct()
+        moved = before.between(Pose2.from_array(self._filter.x.ravel()))
+        if dt_s > GAP_S:
+            board = board_pose(last).between(board_pose(odometry))
+            moved = Pose2(board.x_m, board.y_m, moved.heading_rad)
+        self._move(moved)
         return True
+
+    def _jump(self, odometry: Odometry) -> None:
+        """A broken report, or the first after a jump: which, those that follow tell."""
+        after = self._jumped
+        goes_on = after is not None and after[0].t_s < odometry.t_s and _reachable(after[0], odometry, self._tick_m)
+        count = after[1] + 1 if after is not None and goes_on else 1
+        self._jumped = (odometry, count)
+        if count >= BELIEVED_AFTER:
+            self._last, self._jumped = odometry, None
+            self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
+            self.carried = True
+
+    def begin_at(self, pose: Pose2) -> None:
+        """`odom` goes on from this pose."""
+        self._pose = pose
+
+    def move(self, measured: Pose2) -> None:
+        """A carrier without ticks: where it is now, as seen from where it was."""
+        self._move(measured)
+
+    def calibrate(self, rad_per_m: float, rad_per_rad: float) -> None:
+        """From now on every way turns by so much more than measured: what walls say of the odometry's slow errors."""
+        self._calibration = rad_per_m, rad_per_rad
+
+    def _move(self, measured: Pose2) -> None:
+        distance_m = hypot(measured.x_m, measured.y_m)
+        added_rad = self._calibration[0] * distance_m + self._calibration[1] * measured.heading_rad
+        self.turned_rad += measured.heading_rad
+        self.calibrated_rad += added_rad
+        c, s = cos(added_rad / 2), sin(added_rad / 2)
+        x_m, y_m = c * measured.x_m - s * measured.y_m, s * measured.x_m + c * measured.y_m
+        self._pose = self._pose.compose(Pose2(x_m, y_m, wrap_angle(measured.heading_rad + added_rad)))
 
     def _predict(self, left_m: float, right_m: float, dt_s: float, standing: bool) -> None:
         x = self._filter.x.ravel()
@@ -91,3 +139,16 @@ class OdometryFilter:
             Hx=lambda state: np.array([[state[2, 0] + state[3, 0]]]),
             R=np.array([[GYRO_SD_RAD**2]]),
         )
+
+
+def board_pose(odometry: Odometry) -> Pose2:
+    """The board's own dead reckoning since it was switched on."""
+    return Pose2(odometry.x_m, odometry.y_m, odometry.yaw_rad)
+
+
+def _reachable(last: Odometry, odometry: Odometry, tick_m: float) -> bool:
+    ticks = max(
+        abs(odometry.ticks_left - last.ticks_left),
+        abs(odometry.ticks_right - last.ticks_right),
+    )
+    return ticks * tick_m <= MAX_STEP_M + MAX_SPEED_M_S * (odometry.t_s - last.t_s)

@@ -1,12 +1,15 @@
 """Pose graph: key frames joined by what odometry and matches say of their relative poses.
 
-Sparse Gauss-Newton (Grisetti et al. 2010); closures carry robust weights (dynamic covariance scaling, Agarwal et al.
-2013), so that a wrong one loses its pull instead of bending the map. Node 0 is held.
+Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's two slow errors: how much it turns away per
+metre and per radian turned. Ties to walls carry robust weights (dynamic covariance scaling, Agarwal et al. 2013), so
+that a wrong one loses its pull instead of bending the map. Node 0 is held.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
+from math import radians
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -15,25 +18,52 @@ from scipy.sparse.linalg import splu
 from common.geometry import FloatArray, Pose2, wrap_angles
 
 DCS_PHI = 8.0
-ITERATIONS = 6
+ITERATIONS = 14
+EASING = 3.0
+AT_REST = 1e-3
+
+
+class Kind(Enum):
+    """Where an edge comes from: what may be wrong with it."""
+
+    ODOMETRY = 0
+    NEAR = 1  # walls seen a little earlier on the way
+    LOOP = 2  # a place visited before
+    WALL = 3  # a wall that goes on
+    BEARING = 4  # the building's right angles
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """Pose of node `second` as seen from node `first`, with its information matrix (3, 3)."""
+    """Pose of node `second` as seen from node `first`, with its information matrix (3, 3).
+
+    `way_m` and `turn_rad` are what odometry drove in between, for its slow errors; zero for every other kind.
+    """
 
     first: int
     second: int
     relative: Pose2
     information: FloatArray
-    closure: bool
+    kind: Kind
+    way_m: float = 0.0
+    turn_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DriftPrior:
+    """How far the odometry's slow errors may reach, as standard deviations."""
+
+    rad_per_m: float = radians(0.1)
+    rad_per_rad: float = 0.01
 
 
 @dataclass(slots=True)
 class PoseGraph:
-    """`poses` (K, 3) are the best estimates in the map."""
+    """`poses` (K, 3) are the best estimates in the map, `drift` (2,) those of the slow errors."""
 
+    prior: DriftPrior = field(default_factory=DriftPrior)
     edges: list[Edge] = field(default_factory=list)
+    drift: FloatArray = field(default_factory=lambda: np.zeros(2))
     _poses: list[FloatArray] = field(default_factory=list)
 
     def add_node(self, pose: Pose2) -> int:
@@ -50,77 +80,116 @@ class PoseGraph:
     def pose(self, node: int) -> Pose2:
         return Pose2.from_array(self._poses[node])
 
+    def chi2(self, edge: Edge) -> float:
+        """How strongly an edge that is no odometry pulls."""
+        error = edge.relative.between(self.pose(edge.first).between(self.pose(edge.second))).as_array()
+        return float(error @ edge.information @ error)
+
     def strain(self, start: int) -> float:
         """The largest chi squared among the edges from the `start`-th on."""
-        worst = 0.0
-        for edge in self.edges[start:]:
-            error = edge.relative.between(self.pose(edge.first).between(self.pose(edge.second))).as_array()
-            worst = max(worst, float(error @ edge.information @ error))
-        return worst
+        return max((self.chi2(edge) for edge in self.edges[start:] if edge.kind is not Kind.ODOMETRY), default=0.0)
 
     def optimise(self) -> float:
         """Bring all poses to rest; returns the largest move of a node in metres."""
         if len(self._poses) < 2 or not self.edges:
             return 0.0
-        first = np.array([e.first for e in self.edges])
-        second = np.array([e.second for e in self.edges])
-        measured = np.array([e.relative.as_array() for e in self.edges])
-        information = np.array([e.information for e in self.edges])
-        robust = np.array([e.closure for e in self.edges])
         before = self.poses
-        poses = before.copy()
+        poses, drift = before.copy(), self.drift.copy()
+        system = _System(self.edges, len(poses), self.prior)
+        # Graduated non-convexity (Yang et al. 2020): first everything pulls, then what stays strained lets go
+        phi = max(self.strain(0), DCS_PHI)
         for _ in range(ITERATIONS):
-            step = _gauss_newton_step(poses, first, second, measured, information, robust)
+            step, drift_step = system.step(poses, drift, phi)
             poses += step
-            if np.abs(step).max() < 1e-3:
+            drift += drift_step
+            if np.abs(step).max() < AT_REST and phi == DCS_PHI:
                 break
+            phi = max(phi / EASING, DCS_PHI)
         poses[:, 2] = wrap_angles(poses[:, 2])
-        self._poses = list(poses)
+        self._poses, self.drift = list(poses), drift
         return float(np.hypot(*(poses - before)[:, :2].T).max())
 
 
-def _gauss_newton_step(
-    poses: FloatArray,
-    first: np.ndarray,
-    second: np.ndarray,
-    measured: FloatArray,
-    information: FloatArray,
-    robust: np.ndarray,
-) -> FloatArray:
-    a, b = poses[first], poses[second]
-    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
-    dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
-    error = np.stack([c * dx + s * dy, -s * dx + c * dy, b[:, 2] - a[:, 2]], axis=1) - measured
-    error[:, 2] = wrap_angles(error[:, 2])
-    chi2 = np.einsum("ei,eij,ej->e", error, information, error)
-    scale = np.where(robust, np.minimum(1.0, 2 * DCS_PHI / (DCS_PHI + chi2)), 1.0) ** 2
-    weighted = information * scale[:, None, None]
-    n, zero, one = len(first), np.zeros(len(first)), np.ones(len(first))
-    ja = np.stack(
-        [
-            np.stack([-c, -s, -s * dx + c * dy], axis=1),
-            np.stack([s, -c, -c * dx - s * dy], axis=1),
-            np.stack([zero, zero, -one], axis=1),
-        ],
-        axis=1,
-    )
-    jb = np.stack(
-        [np.stack([c, s, zero], axis=1), np.stack([-s, c, zero], axis=1), np.stack([zero, zero, one], axis=1)], axis=1
-    )
-    blocks, rows, columns = [], [], []
-    gradient = np.zeros((len(poses), 3))
-    for node_i, ji in ((first, ja), (second, jb)):
-        left = np.einsum("eki,ekl->eil", ji, weighted)
-        np.add.at(gradient, node_i, np.einsum("eil,el->ei", left, error))
-        for node_j, jj in ((first, ja), (second, jb)):
-            blocks.append(np.einsum("eil,elj->eij", left, jj))
-            rows.append(np.broadcast_to((3 * node_i)[:, None, None] + np.arange(3)[None, :, None], (n, 3, 3)))
-            columns.append(np.broadcast_to((3 * node_j)[:, None, None] + np.arange(3)[None, None, :], (n, 3, 3)))
-    size = 3 * len(poses)
-    values = np.concatenate([x.ravel() for x in blocks])
-    hessian = coo_matrix(
-        (values, (np.concatenate([r.ravel() for r in rows]), np.concatenate([q.ravel() for q in columns]))),
-        shape=(size, size),
-    ).tocsc()[3:, 3:]
-    solution = splu(hessian).solve(-gradient.ravel()[3:])
-    return np.concatenate([np.zeros(3), solution]).reshape(-1, 3)
+class _System:
+    """The edges as arrays, and one Gauss-Newton step on them."""
+
+    def __init__(self, edges: list[Edge], nodes: int, prior: DriftPrior) -> None:
+        self.first = np.array([e.first for e in edges])
+        self.second = np.array([e.second for e in edges])
+        self.measured = np.array([e.relative.as_array() for e in edges])
+        self.information = np.array([e.information for e in edges])
+        self.kind = np.array([e.kind.value for e in edges])
+        self.driven = np.array([(e.way_m, e.turn_rad) for e in edges])
+        self.size = 3 * nodes
+        self.prior = np.array([prior.rad_per_m**-2, prior.rad_per_rad**-2])
+
+    def step(self, poses: FloatArray, drift: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
+        """Moves of all poses (K, 3) and of the drift (2,)."""
+        error, ja, jb, jd = self._linearise(poses, drift)
+        chi2 = np.einsum("ei,eij,ej->e", error, self.information, error)
+        weighted = self.information * self._trust(chi2, phi)[:, None, None]
+        n = len(error)
+        # Columns of an edge: its two nodes, then the two slow errors at the end of the state
+        columns = np.concatenate(
+            [
+                3 * self.first[:, None] + np.arange(3),
+                3 * self.second[:, None] + np.arange(3),
+                np.broadcast_to(self.size + np.arange(2), (n, 2)),
+            ],
+            axis=1,
+        )
+        jacobian = np.concatenate([ja, jb, jd], axis=2)
+        left = np.einsum("eki,ekl->eil", jacobian, weighted)
+        pull = np.einsum("eil,el->ei", left, error).ravel()
+        gradient = np.zeros(self.size + 2) + np.bincount(columns.ravel(), pull, minlength=self.size + 2)
+        blocks = np.einsum("eil,elj->eij", left, jacobian)
+        rows = np.broadcast_to(columns[:, :, None], blocks.shape)
+        across = np.broadcast_to(columns[:, None, :], blocks.shape)
+        size = self.size + 2
+        hessian = coo_matrix((blocks.ravel(), (rows.ravel(), across.ravel())), shape=(size, size)).tocsc()
+        hessian = hessian + _diagonal(np.concatenate([np.full(self.size, 1e-6), self.prior]))
+        gradient[-2:] += self.prior * drift
+        solution = np.zeros(size)
+        solution[3:] = splu(hessian[3:, 3:]).solve(-gradient[3:])
+        return solution[:-2].reshape(-1, 3), solution[-2:]
+
+    def _linearise(self, poses: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        a, b = poses[self.first], poses[self.second]
+        c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+        dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+        bent = self.driven @ drift
+        expected = _bent(self.measured, bent)
+        error = np.stack([c * dx + s * dy, -s * dx + c * dy, b[:, 2] - a[:, 2]], axis=1) - expected
+        error[:, 2] = wrap_angles(error[:, 2])
+        zero, one = np.zeros(len(a)), np.ones(len(a))
+        ja = np.stack(
+            [
+                np.stack([-c, -s, -s * dx + c * dy], axis=1),
+                np.stack([s, -c, -c * dx - s * dy], axis=1),
+                np.stack([zero, zero, -one], axis=1),
+            ],
+            axis=1,
+        )
+        jb = np.stack(
+            [np.stack([c, s, zero], axis=1), np.stack([-s, c, zero], axis=1), np.stack([zero, zero, one], axis=1)],
+            axis=1,
+        )
+        by_bend = np.stack([0.5 * expected[:, 1], -0.5 * expected[:, 0], -one], axis=1)
+        return error, ja, jb, by_bend[:, :, None] * self.driven[:, None, :]
+
+    def _trust(self, chi2: FloatArray, phi: float) -> FloatArray:
+        scaled = np.minimum(1.0, 2 * phi / (phi + chi2)) ** 2
+        milder = 1.0 / np.sqrt(1.0 + chi2 / DCS_PHI)
+        return np.where(self.kind == Kind.ODOMETRY.value, 1.0, np.where(self.kind == Kind.NEAR.value, milder, scaled))
+
+
+def _bent(relative: FloatArray, bend_rad: FloatArray) -> FloatArray:
+    """Relative poses (E, 3) whose way turned by `bend_rad` (E,) more than odometry says."""
+    c, s = np.cos(bend_rad / 2), np.sin(bend_rad / 2)
+    x, y = relative[:, 0], relative[:, 1]
+    return np.stack([c * x - s * y, s * x + c * y, relative[:, 2] + bend_rad], axis=1)
+
+
+def _diagonal(values: FloatArray) -> coo_matrix:
+    index = np.arange(len(values))
+    return coo_matrix((values, (index, index)), shape=(len(values), len(values))).tocsc()

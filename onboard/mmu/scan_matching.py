@@ -1,32 +1,33 @@
 """Where do these echoes fit onto those? Registration of one set of wall points with normals onto another.
 
-1. Coarse: correlative search (Olson 2009) of the moving points over a smeared grid of the fixed ones, every
-   heading and offset of the search window; keeps the best and how good its best rival is.
+1. Coarse, when asked: correlative search over a wide window; another place that fits as well is a rival.
 2. Fine: point-to-line least squares with normals (Chen and Medioni 1992), robust weights, neighbours by KD-tree.
 
-The information matrix is that of the point-to-line problem: along a bare hall it stays near zero by itself.
+The information matrix is that of the point-to-line problem: along a bare hall it stays near zero by itself, and a
+place further along the same hall is no rival.
 Assumes that both sets are rigid: a few metres of driving each.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, radians, sin
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from common.geometry import FloatArray, Points, Pose2
+from onboard.mmu.correlative_search import Place, search
 
-CELL_M = 0.1
-SMEAR_M = 0.15
-HEADING_STEP_RAD = 0.02
 NEIGHBOUR_M = 0.30
 NEIGHBOUR_FINAL_M = 0.15
 NORMALS_COS_MIN = 0.85
 POINT_SD_M = 0.03
 POINTS_PER_INDEPENDENT = 6.0  # neighbouring echoes share their errors
-ITERATIONS = 8
+ITERATIONS = 10
+NORMAL_SD_RAD = radians(5.0)
+RIVAL_DISTANCE_M = 0.5
+RIVAL_CHI2 = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,8 @@ class Match:
     information: FloatArray  # (3, 3) of the correction, about the centre given to `register`
     overlap: float  # share of the moving points that found a partner
     rms_m: float
-    rival: float  # score of the best other place over the best; 0 where nothing was searched
+    score: float = 0.0  # of the coarse search; 0 where nothing was searched
+    rival: float = 0.0  # score of the best other place over the best
 
 
 def register(
@@ -55,9 +57,14 @@ def register(
     """
     local = points - centre
     fixed = fixed_points - centre
-    start, rival = np.zeros(3), 0.0
-    if search_m > CELL_M:
-        start, rival = _correlate(local, fixed, search_m, search_rad)
+    start = np.zeros(3)
+    places: list[Place] = []
+    if search_m > 0:
+        angles = (np.arctan2(n[:, 1], n[:, 0]) for n in (normals, fixed_normals))
+        places = search(local, next(angles), fixed, next(angles), search_m, search_rad)
+        if not places:
+            return None
+        start = np.array([places[0].x_m, places[0].y_m, places[0].turn_rad])
     tree = cKDTree(fixed)
     correction = start
     information = np.zeros((3, 3))
@@ -83,8 +90,22 @@ def register(
         rms_m = float(np.sqrt((weight * residual**2).sum() / weight.sum()))
         if abs(step[:2]).max() < 1e-3 and abs(step[2]) < 1e-4 and gate_m == NEIGHBOUR_FINAL_M:
             break
+    # Normals scatter: what they seem to know along a bare wall is noise
+    values, vectors = np.linalg.eigh(information[:2, :2])
+    values = np.maximum(values - float(used.sum()) * NORMAL_SD_RAD**2, 1e-3)
+    information[:2, :2] = (vectors * values) @ vectors.T
+    information[:2, 2] = information[2, :2] = 0.0
     information = information / (POINT_SD_M**2 * POINTS_PER_INDEPENDENT)
-    return Match(Pose2.from_array(correction), information, float(used.mean()), rms_m, rival)
+    score = places[0].score if places else 0.0
+    rival = max((p.score for p in places[1:] if _elsewhere(p, places[0], information)), default=0.0) / max(score, 1e-9)
+    return Match(Pose2.from_array(correction), information, float(used.mean()), rms_m, score, rival)
+
+
+def _elsewhere(place: Place, best: Place, information: FloatArray) -> bool:
+    """Another solution, and not the same one along a direction that the walls leave open."""
+    shift = np.array([place.x_m - best.x_m, place.y_m - best.y_m])
+    far = float(shift @ shift) > RIVAL_DISTANCE_M**2
+    return far and float(shift @ information[:2, :2] @ shift) > RIVAL_CHI2
 
 
 def _move(correction: FloatArray, points: Points, normals: Points) -> tuple[Points, Points]:
@@ -102,42 +123,3 @@ def _compose(step: FloatArray, before: FloatArray) -> FloatArray:
             step[2] + before[2],
         ]
     )
-
-
-def _correlate(points: Points, fixed: Points, search_m: float, search_rad: float) -> tuple[FloatArray, float]:
-    """Best (dx, dy, turn) on the grid of the search window, and the score of its best rival over its own."""
-    low = points.min(axis=0) - search_m - 1.0
-    shape = np.ceil((points.max(axis=0) + search_m + 1.0 - low) / CELL_M).astype(int) + 1
-    field = _smear(fixed, low, shape)
-    reach = int(search_m / CELL_M)
-    offsets = np.arange(-reach, reach + 1)
-    flat = (offsets[:, None] * shape[1] + offsets[None, :]).ravel()
-    prior = 1.0 - 0.1 * np.hypot(offsets[:, None], offsets[None, :]).ravel() / max(reach, 1)
-    turns = np.arange(-search_rad, search_rad + 1e-9, HEADING_STEP_RAD)
-    scores = np.empty((len(turns), len(flat)))
-    sub = points[:: max(1, len(points) // 150)]
-    for k, turn in enumerate(turns):
-        c, s = cos(turn), sin(turn)
-        moved = sub @ np.array([[c, s], [-s, c]])
-        cell = np.clip(((moved - low) / CELL_M + 0.5).astype(int), reach, shape - 1 - reach)
-        index = cell[:, 0] * shape[1] + cell[:, 1]
-        scores[k] = field.ravel()[index[:, None] + flat[None, :]].mean(axis=0) * prior
-    k, j = (int(i) for i in np.unravel_index(int(scores.argmax()), scores.shape))
-    dx, dy = offsets[j // len(offsets)], offsets[j % len(offsets)]
-    far = (np.hypot(offsets[:, None] - dx, offsets[None, :] - dy) * CELL_M > 0.6).ravel()
-    rival = float(scores[:, far].max() / max(scores[k, j], 1e-9)) if far.any() else 0.0
-    return np.array([dx * CELL_M, dy * CELL_M, turns[k]]), rival
-
-
-def _smear(fixed: Points, low: Points, shape: FloatArray) -> FloatArray:
-    field = np.zeros((int(shape[0]), int(shape[1])))
-    reach = int(2 * SMEAR_M / CELL_M)
-    cell = ((fixed - low) / CELL_M + 0.5).astype(int)
-    inside = ((cell >= reach) & (cell < shape - reach)).all(axis=1)
-    cell = np.unique(cell[inside], axis=0)
-    for i in range(-reach, reach + 1):
-        for j in range(-reach, reach + 1):
-            value = float(np.exp(-0.5 * (i * i + j * j) * (CELL_M / SMEAR_M) ** 2))
-            view = (cell[:, 0] + i, cell[:, 1] + j)
-            field[view] = np.maximum(field[view], value)
-    return field

@@ -1,126 +1,89 @@
 """Simultaneous localisation and mapping from a few fixed beams: the mapping unit without its messages.
 
+The front end, in every step:
 1. Odometry filter: pose in `odom`, continuous.
 2. Surroundings: ranges -> echoes on walls with normals, and free rays.
-3. Key frames every 0.4 m hold their echoes; odometry joins them in the pose graph.
-4. Walls: a straight piece that continues an earlier one ties their key frames in heading and offset.
-5. Loops: what was driven lately is matched against what was driven here before.
-6. The graph is optimised when it gained such a tie; grid and wall points are drawn from the key frames as they lie now.
+3. Key frames every 0.4 m hold their echoes and rays.
+Every half metre it hands what is new to the back end, which runs beside it (`worker`), and takes its corrections over
+as they come; grid and wall points are drawn from the key frames as they lie now.
 """
 
 from __future__ import annotations
 
-from cmath import phase, rect
-from dataclasses import dataclass, field
-from math import cos, hypot, pi, radians, sin
+from dataclasses import dataclass
+from math import inf, isfinite, pi, radians
 
 import numpy as np
 
-from common.constants import SONAR_BEARINGS_RAD
+from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
 from common.messages import Odometry, Ranges
+from onboard.mmu.back_end import Correction, Increment
+from onboard.mmu.key_frames import FrameStore, KeyFrame, LastSeen, in_map
+from onboard.mmu.map_file import SavedMap
 from onboard.mmu.occupancy import OccupancyGrid
-from onboard.mmu.odometry import OdometryFilter
-from onboard.mmu.pose_graph import Edge, PoseGraph
-from onboard.mmu.scan_matching import register
-from onboard.mmu.surroundings import Echo, Ray, Surroundings
-from onboard.mmu.walls import WallPiece, continuation, fit_piece
+from onboard.mmu.odometry import OdometryFilter, board_pose
+from onboard.mmu.surroundings import BEAM_HALF_RAD, Echo, Ray, Surroundings
+from onboard.mmu.worker import DeferredWorker, Worker
 
 KEY_FRAME_M = 0.4
 KEY_FRAME_RAD = 0.35
+WAY_M_PER_RAD = 0.6  # a robot that turns on the spot sees as much new as one that drives so far
+HAND_OVER_M = 0.5
 POSES_KEPT = 60  # of recent odometry, for dating ranges
-MATCH_EVERY_M = 1.0
-RECENT_M = 5.0  # of travel that is matched as one
-LOOP_GAP_M = 12.0  # of travel before a place counts as visited before
-LOOP_REACH_M = 4.0
-LOOP_SPAN_M = 7.0
-LOOP_OVERLAP_MIN = 0.55
-LOOP_RMS_MAX_M = 0.07
-LOOP_POINTS_MIN = 30
-LOOP_SD_M = 0.07
-LOOP_SD_RAD = radians(0.6)
-PASSES_MAX = 2
-RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
-RIGHT_ANGLES_SHARE = 0.9  # mean resultant length of four times the direction
-RIGHT_ANGLES_NEAR_RAD = radians(4.0)
-RIGHT_ANGLES_SD_RAD = radians(2.0)  # of one piece; neighbouring pieces say the same
-PIECE_TRAVEL_M = 3.0
-PIECE_GAP_M = 2.5
-PIECE_LOOK_BACK_M = 45.0
-STRAIN_MAX = 0.5  # a new tie that pulls less (chi squared) can wait
 SD_MAX_M = 2.5
 REDRAW_ROWS = 300  # of rays that a new grid takes in per report: a step must stay short
 REDRAW_M = 0.04  # a correction larger than this redraws map and grid
 
 
-@dataclass(slots=True)
-class FrameStore:
-    """Directed lengths (echoes, free rays), each in the frame of its key frame; grows by doubling."""
+@dataclass(frozen=True, slots=True)
+class Carrier:
+    """What the mapping unit must know of whatever carries it."""
 
-    count: int = 0
-    _rows: FloatArray = field(default_factory=lambda: np.zeros((1024, 6)))  # node, travel, x, y, direction, length
-
-    def add(self, node: int, travel_m: float, x_m: float, y_m: float, direction_rad: float, length_m: float) -> None:
-        if self.count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        self._rows[self.count] = (node, travel_m, x_m, y_m, direction_rad, length_m)
-        self.count += 1
-
-    def rows(self, start: int = 0) -> FloatArray:
-        """(N, 6) from the `start`-th on."""
-        return self._rows[start : self.count]
-
-    def stretch(self, travel_from_m: float, travel_to_m: float = float("inf")) -> FloatArray:
-        """(N, 6) of a stretch of travel."""
-        rows = self._rows[: self.count]
-        return rows[(rows[:, 1] >= travel_from_m) & (rows[:, 1] <= travel_to_m)]
-
-
-def in_map(rows: FloatArray, poses: FloatArray) -> tuple[Points, FloatArray]:
-    """Points (N, 2) and directions (N,) in the map of echo rows, given all key frame poses (K, 3)."""
-    p = poses[rows[:, 0].astype(int)]
-    c, s = np.cos(p[:, 2]), np.sin(p[:, 2])
-    x, y = rows[:, 2], rows[:, 3]
-    return np.stack([p[:, 0] + c * x - s * y, p[:, 1] + s * x + c * y], axis=1), rows[:, 4] + p[:, 2]
-
-
-@dataclass(slots=True)
-class KeyFrame:
-    t_s: float
-    odom: Pose2
-    travel_m: float
+    bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD
+    range_step_m: float = SONAR_STEP_M
+    beam_half_rad: float = BEAM_HALF_RAD
 
 
 class Slam:
     """The whole of it. `add_odometry` and `add_ranges` take the reports in as they come; the rest is read off."""
 
-    def __init__(self, bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD) -> None:
+    def __init__(
+        self, carrier: Carrier | None = None, worker: Worker | None = None, saved: SavedMap | None = None
+    ) -> None:
+        """`saved`: a map from before, to go on in."""
+        carrier = carrier or Carrier()
         self._odometry = OdometryFilter()
-        self._surroundings = Surroundings(bearings_rad)
+        self._surroundings = Surroundings(carrier.bearings_rad, carrier.range_step_m, carrier.beam_half_rad)
+        self._worker = worker or DeferredWorker()
+        self._beams = len(carrier.bearings_rad)
         self._recent: list[tuple[float, Pose2]] = []
         self._frames: list[KeyFrame] = []
-        self._graph = PoseGraph()
+        self._poses: list[FloatArray] = []
         self._echoes = FrameStore()
         self._rays = FrameStore()
-        self._pieces: list[WallPiece] = []
-        self._directions = 0j  # metres of wall as unit vectors at four times their direction, summed
-        self._directions_m = 0.0
-        self._travel_m = 0.0
-        self._matched_m = 0.0
+        self._travel_m = self._way_m = 0.0
+        self._handed = (0, 0, 0)  # frames, echoes and rays that the back end has
+        self._known = 0  # frames of a map from before
+        self._handed_m = 0.0
         self._drawn = (0, 0)  # echoes and rays in the grid
         self._drawing: tuple[OccupancyGrid, tuple[int, int]] | None = None  # the next grid, and what it has
         self.grid = OccupancyGrid()
         self.revision = 0
         self.closures = 0
-        self._last_closure_m = 0.0
-        self._last_loop_m = 0.0
+        self._tied_at_m = 0.0
+        self._saved = saved
+        self._lost = False
+        self._board: Odometry | None = None
+        if saved is not None:
+            self._restore(saved)
 
     @property
     def pose(self) -> Pose2:
         """Where the robot is in the map."""
         if not self._frames:
             return Pose2(0.0, 0.0, 0.0)
-        return self._graph.pose(len(self._frames) - 1).compose(self._frames[-1].odom.between(self._odometry.pose))
+        return Pose2.from_array(self._poses[-1]).compose(self._frames[-1].odom.between(self._odometry.pose))
 
     @property
     def travel_m(self) -> float:
@@ -129,38 +92,65 @@ class Slam:
     @property
     def uncertainty(self) -> tuple[float, float]:
         """Standard deviations of position (metres) and heading (radians) since the last tie to known walls."""
-        since_m = self._travel_m - self._last_closure_m
+        since_m = self._way_m - self._tied_at_m
+        if self._lost:
+            return inf, pi
         return min(0.03 + 0.01 * since_m, SD_MAX_M), radians(0.3) + radians(0.05) * since_m
+
+    @property
+    def anchored_pose(self) -> tuple[int, Pose2]:
+        """The newest key frame, and the robot as seen from it: what makes a smoothed path of the corrected ones."""
+        return len(self._frames) - 1, self._frames[-1].odom.between(self._odometry.pose)
 
     def add_odometry(self, odometry: Odometry) -> bool:
         """Take in one report. False: it did not go on from the one before (the board restarted or jumped)."""
+        if self._board is None and self._saved is not None and isfinite(odometry.t_s):
+            self._find_way_in(self._saved, odometry)
         goes_on = self._odometry.update(odometry)
-        pose = self._odometry.pose
-        if self._recent:
-            self._travel_m += self._recent[-1][1].distance_m(pose)
-        self._recent.append((odometry.t_s, pose))
-        del self._recent[:-POSES_KEPT]
-        if self._new_key_frame_due(pose):
-            self._add_key_frame(odometry.t_s, pose)
-        if self._travel_m - self._matched_m >= MATCH_EVERY_M:
-            self._matched_m = self._travel_m
-            self._tie()
-        self._draw_on()
+        if goes_on or self._board is None or odometry.session != self._board.session:
+            self._board = odometry
+            self._go_on(odometry.t_s)
         return goes_on
 
-    def add_ranges(self, ranges: Ranges) -> None:
-        """Take in one report; ranges from before the first odometry are of no use."""
+    def add_motion(self, t_s: float, moved: Pose2) -> None:
+        """Like `add_odometry`, for a carrier that knows its own pose only: where it is, as seen from where it was."""
+        self._odometry.move(moved)
+        self._go_on(t_s)
+
+    def _go_on(self, t_s: float) -> None:
+        pose = self._odometry.pose
         if self._recent:
+            last = self._recent[-1][1]
+            driven_m = last.distance_m(pose)
+            self._travel_m += driven_m
+            self._way_m += driven_m + WAY_M_PER_RAD * abs(wrap_angle(pose.heading_rad - last.heading_rad))
+        self._recent.append((t_s, pose))
+        del self._recent[:-POSES_KEPT]
+        if self._new_key_frame_due(pose):
+            self._add_key_frame(t_s, pose)
+        correction = self._worker.collect(t_s)
+        if correction is not None:
+            self._correct(correction)
+        if self._way_m - self._handed_m >= HAND_OVER_M and not self._worker.busy:
+            self._hand_over(t_s)
+        self._draw_on()
+
+    def close(self) -> None:
+        self._worker.close()
+
+    def add_ranges(self, ranges: Ranges) -> None:
+        """Take in one report; ranges from before the first odometry are of no use, nor those of other sonars."""
+        if self._recent and len(ranges.range_m) == len(ranges.age_s) == self._beams:
             self._store(*self._surroundings.add(ranges.t_s, self._recent, ranges.range_m, ranges.age_s))
 
     def trajectory(self) -> tuple[FloatArray, FloatArray]:
         """Times (K,) and poses (K, 3) of the key frames as they lie now."""
-        return np.array([f.t_s for f in self._frames]), self._graph.poses
+        return np.array([f.t_s for f in self._frames]), self._pose_array()
 
     def wall_points(self, start: int = 0) -> Points:
         """Echoes (N, 2) in the map, from the `start`-th on."""
         rows = self._echoes.rows(start)
-        return in_map(rows, self._graph.poses)[0] if len(rows) else np.zeros((0, 2))
+        return in_map(rows, self._pose_array())[0] if len(rows) else np.zeros((0, 2))
 
     @property
     def wall_count(self) -> int:
@@ -170,6 +160,9 @@ class Slam:
         """Bring the grid up to the newest echoes and rays, unless it is just being drawn anew."""
         if self._frames and self._drawing is None:
             self._drawn = self._draw_into(self.grid, self._drawn, self._rays.count)
+
+    def _pose_array(self) -> FloatArray:
+        return np.array(self._poses).reshape(-1, 3)
 
     def _draw_on(self) -> None:
         """A part of the new grid after a correction; the old one stays until the new one is complete."""
@@ -188,17 +181,13 @@ class Slam:
         here = self.pose
         grid.add_hull(np.array([(here.x_m, here.y_m)]))
         if len(rows):
-            starts, directions = in_map(rows, self._graph.poses)
+            starts, directions = in_map(rows, self._pose_array())
             grid.add_hull(starts[::5])
             grid.add_rays(starts, directions, rows[:, 5])
         return self._echoes.count, drawn[1] + len(rows)
 
-    def _redraw(self) -> None:
-        self._drawing = (OccupancyGrid(), (0, 0))
-        self.revision += 1
-
     def _new_key_frame_due(self, pose: Pose2) -> bool:
-        if not self._frames:
+        if not self._frames or self._odometry.carried or len(self._frames) == self._known:
             return True
         last = self._frames[-1].odom
         return (
@@ -207,22 +196,92 @@ class Slam:
 
     def _add_key_frame(self, t_s: float, odom: Pose2) -> None:
         if not self._frames:
-            self._frames.append(KeyFrame(t_s, odom, self._travel_m))
-            self._graph.add_node(Pose2(0.0, 0.0, 0.0))
+            self._poses.append(np.zeros(3))
+        else:
+            relative = self._frames[-1].odom.between(odom)
+            self._poses.append(Pose2.from_array(self._poses[-1]).compose(relative).as_array())
+        turned_rad, calibrated_rad = self._odometry.turned_rad, self._odometry.calibrated_rad
+        certain = not self._odometry.carried
+        if not certain:
+            self._odometry.carried, self._lost, self._known_way_m = False, True, self._way_m
+        self._frames.append(KeyFrame(t_s, odom, self._travel_m, self._way_m, turned_rad, calibrated_rad, certain))
+
+    def _hand_over(self, t_s: float) -> None:
+        self._handed_m = self._way_m
+        if self._handed[0] < self._known:  # the map from before, as it was
+            increment = self._increment(self._handed, (self._known, self._known_echoes, self._known_rays), known=True)
+        else:
+            increment = self._increment(self._handed, (len(self._frames), self._echoes.count, self._rays.count))
+        self._worker.submit(increment, t_s)
+
+    def _increment(self, start: tuple[int, int, int], end: tuple[int, int, int], known: bool = False) -> Increment:
+        self._handed = end
+        last = self._board
+        return Increment(
+            tuple(self._frames[start[0] : end[0]]),
+            self._echoes.rows(start[1])[: end[1] - start[1]].copy(),
+            self._rays.rows(start[2])[: end[2] - start[2]].copy(),
+            None if last is None else LastSeen(last.session, board_pose(last), self.pose),
+            known,
+        )
+
+    def _correct(self, correction: Correction) -> None:
+        """Take over where the key frames lie; those that are newer follow the last of them."""
+        known = len(correction.poses)
+        if known == 0:
+            self._begin_back_end_anew()
             return
-        last = self._frames[-1]
-        relative = last.odom.between(odom)
-        node = self._graph.add_node(self._graph.pose(len(self._frames) - 1).compose(relative))
-        distance_m = hypot(relative.x_m, relative.y_m)
-        along_sd = 0.003 + 0.01 * distance_m**0.5
-        heading_sd = radians(0.05) + radians(0.02) * (t_s - last.t_s) ** 0.5 + 0.003 * abs(relative.heading_rad)
-        information = np.diag([along_sd**-2, (0.003 + 0.005 * distance_m) ** -2, heading_sd**-2])
-        self._graph.edges.append(Edge(node - 1, node, relative, information, closure=False))
-        self._frames.append(KeyFrame(t_s, odom, self._travel_m))
+        before = self._pose_array()
+        shift = Pose2.from_array(correction.poses[-1]).compose(Pose2.from_array(before[known - 1]).inverse())
+        newer = [shift.compose(Pose2.from_array(p)).as_array() for p in before[known:]]
+        self._poses = [*correction.poses, *newer]
+        self._odometry.calibrate(*correction.drift)
+        self.closures, self._tied_at_m = correction.closures, correction.tied_at_m
+        if self._lost and correction.tied_at_m > self._known_way_m:
+            self._lost = False
+        moved = self._pose_array()[:, :2] - before[:, :2]
+        if float(np.hypot(moved[:, 0], moved[:, 1]).max()) > REDRAW_M:
+            self._drawing = (OccupancyGrid(), (0, 0))
+            self.revision += 1
+
+    def _restore(self, saved: SavedMap) -> None:
+        self._frames = list(saved.frames())
+        self._poses = list(saved.poses)
+        self._echoes.append(saved.echoes)
+        self._rays.append(saved.rays)
+        if self._frames:
+            self._travel_m, self._way_m = self._frames[-1].travel_m, self._frames[-1].way_m
+            self._odometry.begin_at(self._frames[-1].odom)
+        self._set_known()
+        self._handed_m = -inf
+
+    def _begin_back_end_anew(self) -> None:
+        """All that is known becomes a map from before, as it lies now."""
+        now = self.pose
+        ways_m = np.array([f.way_m for f in self._frames])
+        saved = SavedMap(self.trajectory()[0], self._pose_array(), ways_m, np.zeros((0, 6)), np.zeros((0, 6)))
+        self._frames = list(saved.frames())
+        self._odometry.begin_at(now)
+        self._set_known()
+        self._handed, self._handed_m = (0, 0, 0), -inf
+
+    def _set_known(self) -> None:
+        self._known, self._known_echoes, self._known_rays = len(self._frames), self._echoes.count, self._rays.count
+        self._known_way_m = self._way_m
+
+    def _find_way_in(self, saved: SavedMap, odometry: Odometry) -> None:
+        """Where the robot is now in the map from before: the board counted on while this process was away."""
+        last = saved.last
+        if last is not None and last.session == odometry.session:
+            self._odometry.begin_at(last.pose.compose(last.board.between(board_pose(odometry))))
+            return
+        if last is not None:
+            self._odometry.begin_at(last.pose)
+        self._odometry.carried = True
 
     def _store(self, echoes: list[Echo], rays: list[Ray]) -> None:
         for echo in echoes:
-            self._keep(self._echoes, echo.t_s, (echo.x_m, echo.y_m), echo.direction_rad, echo.range_m)
+            self._keep(self._echoes, echo.t_s, (echo.x_m, echo.y_m), echo.normal_rad, echo.range_m)
         for ray in rays:
             direction_rad = ray.pose.heading_rad + ray.bearing_rad
             self._keep(self._rays, ray.t_s, (ray.pose.x_m, ray.pose.y_m), direction_rad, ray.free_m)
@@ -235,156 +294,10 @@ class Slam:
         frame = self._frames[node]
         x_m, y_m = frame.odom.inverse().transform(place)
         turned_rad = wrap_angle(direction_rad - frame.odom.heading_rad)
-        store.add(node, frame.travel_m, float(x_m), float(y_m), turned_rad, length_m)
+        store.append(np.array([[node, frame.way_m, float(x_m), float(y_m), turned_rad, length_m]]))
 
     def _frame_at(self, t_s: float) -> int:
         for node in range(len(self._frames) - 1, 0, -1):
             if self._frames[node].t_s <= t_s:
                 return node
         return 0
-
-    def _tie(self) -> None:
-        """Look for ties of the recent stretch to what is known, and let the graph come to rest."""
-        before = len(self._graph.edges)
-        self._tie_walls()
-        self._tie_loops()
-        if len(self._graph.edges) == before:
-            return
-        self._last_closure_m = self._travel_m
-        if self._graph.strain(before) > STRAIN_MAX and self._graph.optimise() > REDRAW_M:
-            self._redraw()
-
-    def _tie_walls(self) -> None:
-        rows = self._echoes.stretch(self._travel_m - PIECE_TRAVEL_M)
-        if len(rows) == 0:
-            return
-        poses = self._graph.poses
-        node = len(self._frames) - 1
-        points, directions = in_map(rows, poses)
-        pose = self._graph.pose(node)
-        side = np.sin(directions - pose.heading_rad)
-        for sign in (1.0, -1.0):
-            mine = side * sign > cos(radians(25.0))
-            piece = fit_piece(points[mine], directions[mine])
-            if piece is None:
-                continue
-            middle, normal_rad, length_m = piece
-            self._continue_wall(node, pose, middle, normal_rad, length_m, poses)
-            self._keep_right_angles(node, pose, normal_rad, length_m)
-            local = pose.inverse().transform(middle)
-            self._pieces.append(
-                WallPiece(
-                    node,
-                    self._travel_m,
-                    float(local[0]),
-                    float(local[1]),
-                    wrap_angle(normal_rad - pose.heading_rad),
-                    length_m,
-                )
-            )
-
-    def _continue_wall(
-        self, node: int, pose: Pose2, middle: FloatArray, normal_rad: float, length_m: float, poses: FloatArray
-    ) -> None:
-        """Tie the piece to the earliest one of the same wall in the stretch looked back over."""
-        for other in self._pieces:
-            behind_m = self._travel_m - other.travel_m
-            if not PIECE_GAP_M <= behind_m <= PIECE_LOOK_BACK_M:
-                continue
-            other_pose = Pose2.from_array(poses[other.node])
-            other_middle, other_normal = other.in_map(other_pose)
-            departs = continuation(middle, normal_rad, length_m, other_middle, other_normal, other.length_m)
-            if departs is None:
-                continue
-            turn, offset = departs
-            n = np.array([cos(other_normal), sin(other_normal)])
-            correction = _about(middle, Pose2(-offset * n[0], -offset * n[1], -turn))
-            n_local = Pose2(0.0, 0.0, -other_pose.heading_rad).transform(n)
-            information = np.zeros((3, 3))
-            information[:2, :2] = np.outer(n_local, n_local) / 0.10**2
-            information[2, 2] = 1.0 / (radians(0.5) + 0.03 / min(length_m, other.length_m) / 3) ** 2
-            relative = other_pose.between(correction.compose(pose))
-            self._graph.edges.append(Edge(other.node, node, relative, information, closure=True))
-            return
-
-    def _keep_right_angles(self, node: int, pose: Pose2, normal_rad: float, length_m: float) -> None:
-        """Where the walls so far stand at right angles, a piece that nearly does too pulls the heading, softly."""
-        total_m = self._directions_m
-        self._directions += length_m * rect(1.0, 4 * normal_rad)
-        self._directions_m += length_m
-        if total_m < RIGHT_ANGLES_WALL_M or abs(self._directions) < RIGHT_ANGLES_SHARE * self._directions_m:
-            return
-        off_rad = (4 * normal_rad - phase(self._directions) + pi) % (2 * pi) - pi
-        if abs(off_rad / 4) > RIGHT_ANGLES_NEAR_RAD:
-            return
-        information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
-        upright = Pose2(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad - off_rad / 4))
-        self._graph.edges.append(Edge(0, node, upright, information, closure=True))
-
-    def _tie_loops(self) -> None:
-        rows = self._echoes.stretch(self._travel_m - RECENT_M)
-        if len(rows) < LOOP_POINTS_MIN:
-            return
-        poses = self._graph.poses
-        here = self.pose
-        old = np.array([f.travel_m for f in self._frames]) < self._travel_m - RECENT_M - LOOP_GAP_M
-        near = np.hypot(poses[:, 0] - here.x_m, poses[:, 1] - here.y_m)
-        near[~old] = np.inf
-        points, directions = in_map(rows, poses)
-        normals = np.stack([np.cos(directions), np.sin(directions)], axis=1)
-        middle_node = int(np.median(rows[:, 0]))
-        travels = np.array([f.travel_m for f in self._frames])
-        for _ in range(PASSES_MAX):
-            reachable = np.flatnonzero(near < LOOP_REACH_M)
-            if not len(reachable):
-                return
-            first = travels[reachable[0]]
-            of_pass = reachable[travels[reachable] < first + 2 * LOOP_REACH_M]
-            self._match_pass(int(of_pass[near[of_pass].argmin()]), middle_node, points, normals, poses)
-            near[travels < first + 2 * LOOP_SPAN_M] = np.inf
-
-    def _match_pass(self, node: int, mine: int, points: Points, normals: Points, poses: FloatArray) -> None:
-        travel_m = self._frames[node].travel_m
-        end_m = min(travel_m + LOOP_SPAN_M, self._travel_m - RECENT_M - 2.0)
-        rows = self._echoes.stretch(travel_m - LOOP_SPAN_M, end_m)
-        if len(rows) < LOOP_POINTS_MIN:
-            return
-        fixed, directions = in_map(rows, poses)
-        fixed_normals = np.stack([np.cos(directions), np.sin(directions)], axis=1)
-        search_m = min(0.5 + 0.01 * (self._travel_m - self._last_loop_m), 2.0)
-        centre = poses[mine, :2]
-        match = register(points, normals, fixed, fixed_normals, centre, search_m, 0.04 + 0.04 * search_m)
-        if (
-            match is None
-            or match.overlap < LOOP_OVERLAP_MIN
-            or match.rms_m > LOOP_RMS_MAX_M
-            or match.overlap * len(points) < LOOP_POINTS_MIN
-            or (search_m > 0.8 and match.rival > 0.97)
-        ):
-            return
-        self.closures += 1
-        self._last_loop_m = self._travel_m
-        corrected = _about(centre, match.correction).compose(Pose2.from_array(poses[mine]))
-        reference = Pose2.from_array(poses[node])
-        turn = Pose2(0.0, 0.0, -reference.heading_rad)
-        rotation = np.eye(3)
-        rotation[:2, :2] = np.stack([turn.transform([1.0, 0.0]), turn.transform([0.0, 1.0])], axis=1)
-        information = rotation @ limited(match.information) @ rotation.T
-        self._graph.edges.append(Edge(node, mine, reference.between(corrected), information, closure=True))
-
-
-def limited(information: FloatArray) -> FloatArray:
-    """No match is trusted further than the sonars' own systematic errors, in no direction."""
-    values, vectors = np.linalg.eigh(information[:2, :2])
-    out = np.zeros((3, 3))
-    out[:2, :2] = (vectors * np.minimum(values, LOOP_SD_M**-2)) @ vectors.T
-    out[2, 2] = min(float(information[2, 2]), LOOP_SD_RAD**-2)
-    return out
-
-
-def _about(centre: FloatArray, motion: Pose2) -> Pose2:
-    """A rotation about `centre` followed by a shift, as one motion of the map."""
-    rotated = Pose2(0.0, 0.0, motion.heading_rad).transform(centre)
-    return Pose2(
-        float(centre[0] - rotated[0]) + motion.x_m, float(centre[1] - rotated[1]) + motion.y_m, motion.heading_rad
-    )

@@ -1,37 +1,41 @@
 """Surroundings: what the ranges say about walls, apart from how the sonars are wired.
 
-A sonar hears a wall from its perpendicular foot anywhere in a beam 60 degrees wide, so a single range does not say
-where the wall is. A moving sonar knows: for a plane as for a point, the range changes along the way by minus the cosine
-of the direction to the echo. A straight-line fit of range over distance travelled gives that direction to about a
-degree, and what does not fit (cross-talk, early echoes, a wall's end) gives itself away. (Regions of constant depth:
-Leonard and Durrant-Whyte 1992; synthetic aperture in one dimension.)
+A sonar hears a wall anywhere in its beam, so a single range does not say where the wall is. The run of ranges of one
+sonar that belong to one thing, heard from a moving robot, does (`echo_direction`).
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from math import acos, atan2, cos, hypot, radians, sin, sqrt
+from math import cos, isfinite, pi, radians, sin
 
 import numpy as np
 
 from common.constants import SONAR_RANGE_MIN_M, SONAR_STEP_M
-from common.geometry import Pose2, wrap_angle
+from common.geometry import FloatArray, Pose2, wrap_angle
+from onboard.mmu.echo_direction import Beam, locate
 
 WINDOW_HALF_M = 0.25  # travel before and after a sample that its direction is fitted over
+WINDOW_HALF_RAD = radians(35.0)
+WINDOW_SAMPLES = 2.2  # to each side, at least: a slow sonar on a fast robot needs a longer window
+WINDOW_HALF_MAX_M = 0.6
 BASELINE_MIN_M = 0.18
-SAMPLES_MIN = 5
-TURN_MAX_RAD = radians(8.0)  # a window in which the robot turned more says nothing
-FIT_SD_MAX_M = 0.03
+BASELINE_MIN_RAD = radians(12.0)
+SAMPLES_MIN = 4
+ECHO_EVERY_M = 0.08  # denser echoes of one sonar say nothing new
+ECHO_EVERY_RAD = radians(6.0)
 SIDEWAYS_SD_MAX_M = 0.15  # an echo whose place along the wall is less certain is dropped
+NORMAL_SD_MAX_RAD = radians(8.0)
 HEAD_ON_RAD = radians(20.0)
-ROUNDING_SD_M = SONAR_STEP_M / sqrt(12.0)
 BEAM_HALF_RAD = radians(38.0)
 MISSES_MAX = 3
 STANDING_M = 0.002
+STANDING_RAD = radians(1.0)
 RAY_EVERY_M = 0.08
 RAY_EVERY_RAD = radians(3.0)
 SAMPLE_GAP_S = 0.02  # a range that is not this much newer is the same one again
+SAMPLES_KEPT = 160
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +50,12 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Echo:
-    """A place on a wall (odom), and the direction from the robot to it, which is the wall's normal for a plane."""
+    """A place on a wall (odom) and the wall's normal there, away from the robot."""
 
     t_s: float
     x_m: float
     y_m: float
-    direction_rad: float
+    normal_rad: float
     range_m: float
     sd_m: float
 
@@ -71,11 +75,16 @@ class BeamTrack:
     """The run of ranges of one sonar that belong to one thing."""
 
     bearing_rad: float
-    step_m: float
+    beam: Beam
     samples: list[Sample] = field(default_factory=list)
     pending: Sample | None = None
     misses: int = 0
-    placed: int = 0  # samples already turned into echoes
+    placed: int = 0  # samples already turned into echoes, or passed over
+    normals: FloatArray = field(init=False)
+    last_placed: Sample | None = None
+
+    def __post_init__(self) -> None:
+        self.normals = self.beam.normals()
 
     def miss(self) -> list[Echo]:
         self.misses += 1
@@ -86,9 +95,10 @@ class BeamTrack:
         if not self.samples:
             self.samples.append(sample)
             return []
-        if self._follows(self.samples[-1], sample):
+        last = self.samples[-1]
+        if self._follows(last, sample):
             self.pending = None
-            if abs(sample.travel_m - self.samples[-1].travel_m) < STANDING_M:
+            if abs(sample.travel_m - last.travel_m) < STANDING_M and _turn(last, sample) < STANDING_RAD:
                 return []
             self.samples.append(sample)
             return self._place(final=False)
@@ -107,90 +117,101 @@ class BeamTrack:
     def _follows(self, before: Sample, after: Sample) -> bool:
         """A range changes by no more than the way in between, but for rounding and noise."""
         moved = abs(after.travel_m - before.travel_m)
-        return abs(after.range_m - before.range_m) <= moved + 1.5 * self.step_m + 0.01 * before.range_m
+        if self.beam.narrow:
+            moved = 1.7 * moved + before.range_m * _turn(before, after)
+        return abs(after.range_m - before.range_m) <= moved + 1.5 * self.beam.step_m + 0.01 * before.range_m
 
     def _place(self, final: bool) -> list[Echo]:
         """Echoes of all samples whose window is complete."""
         echoes: list[Echo] = []
-        end_m = self.samples[-1].travel_m if self.samples else 0.0
+        if not self.samples:
+            return echoes
+        newest = self.samples[-1]
+        half_m = self._window_half_m()
         while self.placed < len(self.samples):
             sample = self.samples[self.placed]
-            if not final and end_m - sample.travel_m < WINDOW_HALF_M:
+            if not (final or newest.travel_m - sample.travel_m >= half_m or _turn(sample, newest) >= WINDOW_HALF_RAD):
                 break
-            echo = self._fit(self.placed)
-            if echo is not None:
-                echoes.append(echo)
+            if self._due(sample):
+                echo = self._fit(self.placed, half_m)
+                if echo is not None:
+                    echoes.append(echo)
+                    self.last_placed = sample
             self.placed += 1
-        drop = self.placed
-        while drop > 0 and self.samples[drop - 1].travel_m > (end_m - 3 * WINDOW_HALF_M):
-            drop -= 1
-        if drop > 40:
+        if len(self.samples) > SAMPLES_KEPT:
+            drop = min(self.placed, SAMPLES_KEPT // 2)
             del self.samples[:drop]
             self.placed -= drop
         return echoes
 
-    def _fit(self, index: int) -> Echo | None:
-        centre = self.samples[index]
-        if centre.range_m <= SONAR_RANGE_MIN_M + self.step_m:
-            return None
-        near = [
-            s
-            for s in self.samples[max(index - 40, 0) : index + 41]
-            if abs(s.travel_m - centre.travel_m) <= WINDOW_HALF_M
-            and abs(wrap_angle(s.pose.heading_rad - centre.pose.heading_rad)) <= TURN_MAX_RAD
-        ]
-        if len(near) < SAMPLES_MIN:
-            return None
-        dx, dy = near[-1].pose.x_m - near[0].pose.x_m, near[-1].pose.y_m - near[0].pose.y_m
-        baseline_m = hypot(dx, dy)
-        if baseline_m < BASELINE_MIN_M:
-            return None
-        ux, uy = dx / baseline_m, dy / baseline_m
-        s = np.array([(n.pose.x_m - centre.pose.x_m) * ux + (n.pose.y_m - centre.pose.y_m) * uy for n in near])
-        r = np.array([n.range_m for n in near])
-        slope, offset, sd_m, slope_sd = _line(s, r)
-        if sd_m > FIT_SD_MAX_M:
-            return None
-        travel_rad = atan2(uy, ux)
-        axis_rad = wrap_angle(centre.pose.heading_rad + self.bearing_rad - travel_rad)
-        off_rad = acos(min(max(-slope, -1.0), 1.0)) * (1.0 if axis_rad >= 0 else -1.0)
-        if offset * slope_sd > SIDEWAYS_SD_MAX_M * max(sin(abs(off_rad)), 1e-6):
-            # Head-on the range says nothing of the direction: only a sonar that looks that way itself can tell
-            if abs(axis_rad) > HEAD_ON_RAD or -slope < cos(HEAD_ON_RAD):
-                return None
-            off_rad = axis_rad
-        off_axis_rad = wrap_angle(off_rad - axis_rad)
-        if abs(off_axis_rad) > BEAM_HALF_RAD:
-            return None
-        direction_rad = wrap_angle(travel_rad + off_rad)
-        return Echo(
-            centre.t_s,
-            centre.pose.x_m + offset * cos(direction_rad),
-            centre.pose.y_m + offset * sin(direction_rad),
-            direction_rad,
-            offset,
-            sd_m / sqrt(len(near)),
+    def _window_half_m(self) -> float:
+        recent = self.samples[-8:]
+        spacing_m = (recent[-1].travel_m - recent[0].travel_m) / max(len(recent) - 1, 1)
+        return min(max(WINDOW_HALF_M, WINDOW_SAMPLES * spacing_m), WINDOW_HALF_MAX_M)
+
+    def _due(self, sample: Sample) -> bool:
+        last = self.last_placed
+        return (
+            last is None
+            or abs(sample.travel_m - last.travel_m) >= ECHO_EVERY_M
+            or _turn(last, sample) >= ECHO_EVERY_RAD
         )
 
+    def _fit(self, index: int, half_m: float) -> Echo | None:
+        centre = self.samples[index]
+        if centre.range_m <= SONAR_RANGE_MIN_M + self.beam.step_m:
+            return None
+        first, last = index, index
+        while first > 0 and self._near(centre, self.samples[first - 1], half_m):
+            first -= 1
+        while last < len(self.samples) - 1 and self._near(centre, self.samples[last + 1], half_m):
+            last += 1
+        near = self.samples[first : last + 1]
+        if len(near) < SAMPLES_MIN:
+            return None
+        way_m = near[-1].travel_m - near[0].travel_m
+        if way_m < BASELINE_MIN_M and _turn(near[0], near[-1]) < BASELINE_MIN_RAD:
+            return None
+        axis_rad = centre.pose.heading_rad + self.bearing_rad
+        c, s = cos(axis_rad), sin(axis_rad)
+        place = np.array([(n.pose.x_m - centre.pose.x_m, n.pose.y_m - centre.pose.y_m) for n in near])
+        at = place @ np.array([[c, -s], [s, c]])
+        turned = np.array([wrap_angle(n.pose.heading_rad - centre.pose.heading_rad) for n in near])
+        heard = locate(self.beam, self.normals, at, turned, np.array([n.range_m for n in near]), index - first)
+        if heard is None:
+            return None
+        sideways_sd_m = heard.range_m * heard.normal_sd_rad
+        head_on = abs(heard.direction_rad) < HEAD_ON_RAD
+        if heard.normal_sd_rad > NORMAL_SD_MAX_RAD or (sideways_sd_m > SIDEWAYS_SD_MAX_M and not head_on):
+            return None
+        direction_rad = axis_rad + heard.direction_rad
+        return Echo(
+            centre.t_s,
+            centre.pose.x_m + heard.range_m * cos(direction_rad),
+            centre.pose.y_m + heard.range_m * sin(direction_rad),
+            wrap_angle(axis_rad + heard.normal_rad),
+            heard.range_m,
+            heard.fit_sd_m,
+        )
 
-def _line(s: np.ndarray, r: np.ndarray) -> tuple[float, float, float, float]:
-    """Slope, value at s = 0, residual sd and the slope's sd of the least-squares line through r(s)."""
-    ms, mr = float(s.mean()), float(r.mean())
-    ds = s - ms
-    spread = max(float(ds @ ds), 1e-9)
-    slope = float(ds @ r) / spread
-    residual = r - mr - slope * ds
-    sd = sqrt(float(residual @ residual) / max(len(s) - 2, 1))
-    return slope, mr - slope * ms, sd, max(sd, ROUNDING_SD_M) / sqrt(spread)
+    def _near(self, centre: Sample, other: Sample, half_m: float) -> bool:
+        return abs(other.travel_m - centre.travel_m) <= half_m and _turn(centre, other) <= WINDOW_HALF_RAD
+
+
+def _turn(a: Sample, b: Sample) -> float:
+    return abs((b.pose.heading_rad - a.pose.heading_rad + pi) % (2 * pi) - pi)
 
 
 class Surroundings:
     """Ranges in, echoes and free rays out, for any number and bearing of beams (MMU_SR_05)."""
 
-    def __init__(self, bearings_rad: tuple[float, ...], step_m: float = SONAR_STEP_M) -> None:
+    def __init__(
+        self, bearings_rad: tuple[float, ...], step_m: float = SONAR_STEP_M, beam_half_rad: float = BEAM_HALF_RAD
+    ) -> None:
+        """`step_m`: ranges are rounded down to multiples of it; 0 where they are not rounded."""
         self._bearings_rad = bearings_rad
         self._half_step_m = step_m / 2
-        self._tracks = [BeamTrack(b, step_m) for b in bearings_rad]
+        self._tracks = [BeamTrack(b, Beam(beam_half_rad, step_m)) for b in bearings_rad]
         self._newest_s = [float("-inf")] * len(bearings_rad)
         self._recent: list[deque[float]] = [deque(maxlen=3) for _ in bearings_rad]
         self._ray_poses: list[Pose2 | None] = [None] * len(bearings_rad)
@@ -209,12 +230,12 @@ class Surroundings:
         rays: list[Ray] = []
         for i, (range_m, age_s) in enumerate(zip(ranges_m, ages_s, strict=True)):
             measured_s = t_s - age_s
-            if measured_s < self._newest_s[i] + SAMPLE_GAP_S:
+            if not measured_s >= self._newest_s[i] + SAMPLE_GAP_S:  # nor when it is no number
                 continue
             self._newest_s[i] = measured_s
             pose = pose_at(poses, measured_s)
             track = self._tracks[i]
-            heard = range_m == range_m
+            heard = isfinite(range_m) and range_m > 0
             self._recent[i].append(range_m if heard else float("inf"))
             if heard:
                 behind_m = pose.distance_m(newest)

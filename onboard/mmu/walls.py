@@ -27,7 +27,7 @@ class WallPiece:
     """A straight piece of wall, in the frame of key frame `node`: its middle, its normal (away from the robot)."""
 
     node: int
-    travel_m: float
+    way_m: float
     x_m: float
     y_m: float
     normal_rad: float

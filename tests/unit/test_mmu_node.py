@@ -309,7 +309,7 @@ def test_a_sonar_that_is_broken_leaves_the_others_working(monkeypatch: pytest.Mo
     whole = ranges_at
     monkeypatch.setitem(globals(), "ranges_at", lambda pose: (nan, *whole(pose)[1:]))
     points = START.transform(Bench().drive(seconds=12.0).received_map())
-    assert (np.abs(points[:, 1]) < 0.2).sum() > 50
+    assert (np.abs(points[:, 1]) < 0.2).sum() > 30  # ten on a metre
 
 
 def test_heading_of_the_start_is_the_first_axis_of_the_map() -> None:

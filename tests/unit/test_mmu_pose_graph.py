@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.geometry import FloatArray, Pose2, wrap_angle
-from onboard.mmu.pose_graph import Edge, PoseGraph
+from onboard.mmu.pose_graph import Edge, Kind, PoseGraph
 
 STEP_M = 0.4
 SIDE = 12  # steps per side of the square
@@ -26,12 +26,12 @@ def square(drift_rad: float = DRIFT_RAD) -> tuple[PoseGraph, list[Pose2]]:
         truth.append(truth[-1].compose(step))
         drifted = Pose2(step.x_m, step.y_m, step.heading_rad + drift_rad)
         node = graph.add_node(graph.pose(i).compose(drifted))
-        graph.edges.append(Edge(i, node, drifted, ODOMETRY, closure=False))
+        graph.edges.append(Edge(i, node, drifted, ODOMETRY, Kind.ODOMETRY))
     return graph, truth
 
 
 def close(graph: PoseGraph, truth: list[Pose2], first: int, second: int) -> None:
-    graph.edges.append(Edge(first, second, truth[first].between(truth[second]), CLOSURE, closure=True))
+    graph.edges.append(Edge(first, second, truth[first].between(truth[second]), CLOSURE, Kind.LOOP))
 
 
 def worst_m(poses: FloatArray, truth: list[Pose2]) -> float:
@@ -71,7 +71,7 @@ def test_one_wrong_closure_is_outvoted() -> None:
     good.edges = list(graph.edges)
     good.optimise()
     # One side of the square is said to be the opposite one: 4.8 m off
-    graph.edges.append(Edge(SIDE // 2, 5 * SIDE // 2, Pose2(0.0, 0.0, pi), CLOSURE, closure=True))
+    graph.edges.append(Edge(SIDE // 2, 5 * SIDE // 2, Pose2(0.0, 0.0, pi), CLOSURE, Kind.LOOP))
     graph.optimise()
     assert worst_m(graph.poses, truth) < worst_m(good.poses, truth) + 0.15
 
@@ -96,7 +96,7 @@ def test_a_tie_that_knows_one_direction_only_does_not_make_the_graph_singular() 
     graph, truth = square(drift_rad=0.0)
     across = np.zeros((3, 3))
     across[1, 1] = 0.1**-2
-    graph.edges.append(Edge(0, SIDE - 1, Pose2(99.0, 0.2, 0.0), across, closure=True))
+    graph.edges.append(Edge(0, SIDE - 1, Pose2(99.0, 0.2, 0.0), across, Kind.LOOP))
     graph.optimise()
     poses = graph.poses
     assert np.isfinite(poses).all()

@@ -52,10 +52,10 @@ def drive(
 @pytest.mark.requirement("MMU_MR_03")
 def test_wall_beside_the_way_is_heard_square_to_it() -> None:
     echoes, _ = drive({LEFT: plane(pi / 2, 1.21)})
-    assert len(echoes) > 50
+    assert len(echoes) > 20
     for echo in echoes:
         assert echo.y_m == pytest.approx(1.21, abs=0.03)
-        assert degrees(echo.direction_rad) == pytest.approx(90.0, abs=5.0)
+        assert degrees(echo.normal_rad) == pytest.approx(90.0, abs=5.0)
 
 
 @pytest.mark.requirement("MMU_MR_01")
@@ -70,8 +70,8 @@ def test_a_wall_gets_at_least_ten_points_per_metre() -> None:
 def test_the_change_of_the_range_shows_an_oblique_wall(normal_deg: float) -> None:
     normal_rad = radians(normal_deg)
     echoes, _ = drive({LEFT: plane(normal_rad, 2.0)}, seconds=10.0)
-    assert len(echoes) > 30
-    directions = np.array([echo.direction_rad for echo in echoes])
+    assert len(echoes) > 10
+    directions = np.array([echo.normal_rad for echo in echoes])
     assert degrees(float(np.median(directions))) == pytest.approx(normal_deg, abs=2.0)
     off_m = np.array([e.x_m * cos(normal_rad) + e.y_m * sin(normal_rad) for e in echoes]) - 2.0
     assert np.abs(off_m).max() < 0.05
@@ -79,7 +79,7 @@ def test_the_change_of_the_range_shows_an_oblique_wall(normal_deg: float) -> Non
 
 def test_wall_ahead_is_placed_ahead() -> None:
     echoes, _ = drive({0.0: plane(0.0, 4.0)}, seconds=12.0)
-    assert len(echoes) > 30
+    assert len(echoes) > 10
     # The cosine hardly changes around straight ahead: the direction is known to 12 degrees only, the distance well
     assert [echo.x_m for echo in echoes] == pytest.approx([4.0] * len(echoes), abs=0.10)
     assert max(abs(echo.y_m) for echo in echoes) < 1.0
@@ -92,7 +92,7 @@ def test_any_mounting_and_way_of_driving_gives_the_same_wall(mounted_deg: float,
     side = 1.0 if mounted_deg > 0 else -1.0
     normal_rad = wrap_angle(radians(heading_deg) + side * pi / 2)
     echoes, _ = drive({radians(mounted_deg): plane(normal_rad, 1.5)}, heading_rad=radians(heading_deg))
-    assert len(echoes) > 30
+    assert len(echoes) > 10
     off_m = [e.x_m * cos(normal_rad) + e.y_m * sin(normal_rad) - 1.5 for e in echoes]
     assert np.abs(off_m).max() < 0.05
 
@@ -110,7 +110,7 @@ def test_cross_talk_places_no_echo_and_does_not_disturb_the_wall() -> None:
         return rounded(float(random.uniform(0.3, 6.0))) if random.random() < 0.15 else wall(pose)
 
     echoes, _ = drive({LEFT: disturbed}, seconds=30.0)
-    assert len(echoes) > 40
+    assert len(echoes) > 20
     assert max(abs(echo.y_m - 1.21) for echo in echoes) < 0.08
 
 
@@ -149,7 +149,7 @@ def test_one_lost_echo_neither_ends_a_wall_nor_frees_it() -> None:
         return nan if count % 7 == 0 else plane(pi / 2, 1.21)(pose)
 
     echoes, rays = drive({LEFT: now_and_then_lost})
-    assert len(echoes) > 40
+    assert len(echoes) > 20
     assert max(ray.free_m for ray in rays) < 1.3
 
 

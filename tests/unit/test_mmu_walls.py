@@ -78,7 +78,7 @@ def test_other_walls_are_not_the_same(middle: tuple[float, float], normal_rad: f
 
 
 def test_a_piece_moves_with_its_key_frame() -> None:
-    piece = WallPiece(node=3, travel_m=7.0, x_m=1.0, y_m=2.0, normal_rad=pi / 2, length_m=2.0)
+    piece = WallPiece(node=3, way_m=7.0, x_m=1.0, y_m=2.0, normal_rad=pi / 2, length_m=2.0)
     middle, normal_rad = piece.in_map(Pose2(10.0, 20.0, pi / 2))
     assert middle == pytest.approx([8.0, 21.0])
     assert abs(normal_rad) == pytest.approx(pi)

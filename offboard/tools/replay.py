@@ -1,0 +1,73 @@
+"""The mapping unit alone over a range log (`range_log`) -> trajectories and map points in a folder.
+
+The very code that runs on the robot, whatever carried the sensors: odometry comes as poses, beams in any number.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+import numpy as np
+
+from common.errors import StartError
+from common.geometry import FloatArray, Pose2
+from common.messages import Ranges
+from offboard.recorder.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_NAME, write_map_points, write_tum
+from offboard.tools.range_log import RangeLog
+from onboard.mmu.slam import Carrier, Slam
+from onboard.mmu.worker import DeferredWorker
+
+BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narrower, a small sonar's wider
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """Poses (N, 3) at the log's times, as believed then and in the end; map points (M, 2); cost of each frame (N,)."""
+
+    times_s: FloatArray
+    online: FloatArray
+    smoothed: FloatArray
+    points: FloatArray
+    step_s: FloatArray
+    work_s: FloatArray  # of the back end, which runs beside the steps
+    closures: int
+
+
+def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> Replayed:
+    """The whole log through the mapping unit."""
+    worker = DeferredWorker()
+    slam = Slam(Carrier(log.bearings_rad, log.range_step_m, radians(beam_half_width_deg)), worker)
+    online = np.zeros((len(log.times_s), 3))
+    step_s, work_s = np.zeros(len(log.times_s)), np.zeros(len(log.times_s))
+    anchored: list[tuple[int, Pose2]] = []
+    last = Pose2.from_array(log.poses[0])
+    ages_s = (0.0,) * len(log.bearings_rad)
+    for i, (t_s, pose, ranges_m) in enumerate(zip(log.times_s.tolist(), log.poses, log.ranges_m.tolist(), strict=True)):
+        here = Pose2.from_array(pose)
+        began = time.perf_counter()
+        slam.add_motion(t_s, last.between(here))
+        slam.add_ranges(Ranges(t_s, tuple(ranges_m), ages_s))
+        step_s[i] = time.perf_counter() - began
+        online[i] = slam.pose.as_array()
+        anchored.append(slam.anchored_pose)
+        last = here
+        began = time.perf_counter()
+        worker.work()
+        work_s[i] = time.perf_counter() - began
+    poses = slam.trajectory()[1]
+    smoothed = np.array([Pose2.from_array(poses[node]).compose(seen).as_array() for node, seen in anchored])
+    return Replayed(log.times_s, online, smoothed, slam.wall_points(), step_s, work_s, slam.closures)
+
+
+def write_replay(folder: Path, run: Replayed) -> None:
+    """`trajectory.tum`, `trajectory_smoothed.tum`, `map_points.csv`; raises StartError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_tum(folder / TRAJECTORY_NAME, run.times_s, run.online)
+        write_tum(folder / SMOOTHED_NAME, run.times_s, run.smoothed)
+        write_map_points(folder / MAP_POINTS_NAME, run.points, np.zeros(len(run.points), np.uint8))
+    except OSError as error:
+        raise StartError(f"The folder {folder} cannot be written: {error.strerror}.") from error

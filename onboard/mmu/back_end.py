@@ -1,0 +1,395 @@
+"""The back end: key frames and echoes in, corrected poses of all of them out. Runs beside the mapping unit's steps.
+
+1. Odometry joins the key frames in the pose graph.
+2. Near ties: the newest stretch is registered onto the one before it.
+3. Walls: a straight piece that continues an earlier one ties their key frames in heading and offset; where the
+   building's walls stand at right angles, a piece that nearly does too pulls the heading, softly.
+4. Loops: what was driven lately is matched against what was driven here before.
+5. The graph comes to rest when it gained a tie that pulls.
+"""
+
+from __future__ import annotations
+
+from cmath import phase, rect
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import cos, pi, radians, sin
+
+import numpy as np
+
+from common.geometry import FloatArray, Points, Pose2, wrap_angle
+from onboard.mmu.key_frames import FrameStore, KeyFrame, LastSeen, in_map
+from onboard.mmu.pose_graph import DriftPrior, Edge, Kind, PoseGraph
+from onboard.mmu.scan_matching import Match, register
+from onboard.mmu.walls import WallPiece, continuation, fit_piece
+
+NEAR_M = 1.5  # of way: the stretch that is registered onto what came before
+NEAR_GAP_M = 0.3
+NEAR_REACH_M = 12.0
+NEAR_POINTS_MIN = 10
+NEAR_OVERLAP_MIN = 0.3
+NEAR_RMS_MAX_M = 0.07
+NEAR_SD_M = 0.03
+NEAR_SD_RAD = radians(0.5)
+BENDS_KEPT = 8
+BEND_SD_RAD = radians(1.0)  # of a near match, beyond what its own information says
+BEND_SIGMAS = 6.0  # near matches that together turn away from odometry by so much: no gyro leads it
+MATCH_EVERY_M = 1.0
+RECENT_M = 5.0  # of way that is matched as one
+LOOP_GAP_M = 12.0  # of way before a place counts as visited before
+LOOP_REACH_M = 3.0
+LOOP_SEARCH_M = 0.8
+LOOP_SEARCH_MAX_M = 4.0
+LOOP_SEARCH_RAD = 0.06
+LOOP_SEARCH_MAX_RAD = 0.4
+LOOP_RIVAL_MAX = 0.9
+LOOP_SPAN_M = 7.0
+LOOP_OVERLAP_MIN = 0.55
+LOOP_RMS_MAX_M = 0.07
+LOOP_POINTS_MIN = 25
+LOOP_SD_M = 0.07
+LOOP_SD_RAD = radians(0.6)
+PASSES_MAX = 2
+RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
+RIGHT_ANGLES_SHARE = 0.9  # mean resultant length of four times the direction
+RIGHT_ANGLES_NEAR_RAD = radians(4.0)
+RIGHT_ANGLES_SD_RAD = radians(2.0)  # of one piece; neighbouring pieces say the same
+PIECE_WAY_M = 3.0
+PIECE_GAP_M = 2.5
+PIECE_LOOK_BACK_M = 45.0
+ADOPTED_CHI2 = 12.0  # a closure that the graph at rest pulls at more was not believed
+KNOWN = np.diag([0.01**-2, 0.01**-2, radians(0.1) ** -2])  # between key frames of a map from before
+CARRIED = np.diag([2.0**-2, 2.0**-2, radians(30.0) ** -2])
+CARRIED_M = 200.0  # of way without a closure: how widely a robot that may have been carried is looked for
+STRAIN_MAX = 0.5  # a new tie that pulls less (chi squared) can wait
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryErrors:
+    """Of a way between key frames, as standard deviations; what the graph's two slow errors do not explain."""
+
+    heading_rad_per_sqrt_m: float
+    heading_share: float  # of the turn
+    drift: DriftPrior
+    lost_m_per_m: float = 0.02  # three standard deviations of the place, by the way since the last closure
+    lost_rad_per_m: float = 0.002
+    along_rad_per_sqrt_m: float = 0.015
+    across_share: float = 0.005
+
+    def information(self, way_m: float, turn_rad: float) -> FloatArray:
+        """(3, 3) of the relative pose at the end of such a way."""
+        along_sd = 0.003 + self.along_rad_per_sqrt_m * way_m**0.5
+        across_sd = 0.003 + self.across_share * way_m
+        heading_sd = radians(0.05) + self.heading_rad_per_sqrt_m * way_m**0.5 + self.heading_share * abs(turn_rad)
+        return np.diag([along_sd**-2, across_sd**-2, heading_sd**-2])
+
+    def search_window(self, since_m: float) -> tuple[float, float]:
+        """How far off (metres, radians) the robot may be after so much way without a closure."""
+        return (
+            min(LOOP_SEARCH_M + self.lost_m_per_m * since_m, LOOP_SEARCH_MAX_M),
+            min(LOOP_SEARCH_RAD + self.lost_rad_per_m * since_m, LOOP_SEARCH_MAX_RAD),
+        )
+
+
+GYRO_LED = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), 0.01))
+WHEELS_ALONE = OdometryErrors(radians(0.25), 0.01, DriftPrior(radians(2.0), 0.03), 0.05, 0.006)
+
+
+@dataclass(frozen=True, slots=True)
+class Increment:
+    """What the front end adds: key frames; echoes and rays (N, 6) as `FrameStore` keeps them.
+
+    `known`: these key frames are a map from before, whose odometry is the map itself.
+    """
+
+    frames: tuple[KeyFrame, ...]
+    echoes: FloatArray
+    rays: FloatArray
+    last: LastSeen | None = None
+    known: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Poses (K, 3) of all key frames as they are believed now, and the odometry's slow errors (rad/m, rad/rad).
+
+    No poses at all: the back end was lost and must be given everything again.
+    """
+
+    poses: FloatArray
+    drift: tuple[float, float]
+    closures: int
+    tied_at_m: float  # way at the newest tie to a place visited before
+
+    @classmethod
+    def lost(cls) -> Correction:
+        return cls(np.zeros((0, 3)), (0.0, 0.0), 0, 0.0)
+
+
+@dataclass(slots=True)
+class BackEnd:
+    closures: int = 0
+    _errors: OdometryErrors = GYRO_LED
+    _bends: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # rad/m, weight
+    _near: deque[Edge] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # ties not made
+    _graph: PoseGraph = field(init=False)
+    _frames: list[KeyFrame] = field(default_factory=list)
+    _ways_m: list[float] = field(default_factory=list)
+    _echoes: FrameStore = field(default_factory=FrameStore)
+    _pieces: list[WallPiece] = field(default_factory=list)
+    _directions: complex = 0j  # metres of wall as unit vectors at four times their direction, summed
+    _directions_m: float = 0.0
+    _matched_m: float = 0.0
+    _tied_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._graph = PoseGraph(self._errors.drift)
+
+    def take(self, increment: Increment) -> Correction:
+        """One round of work on what is new."""
+        for frame in increment.frames:
+            self._add_frame(frame, increment.known)
+        self._echoes.append(increment.echoes)
+        if increment.known:
+            self._matched_m = self._tied_m = self._way_m
+        elif self._frames:
+            self._tie()
+        drift = self._graph.drift
+        return Correction(self._graph.poses, (float(drift[0]), float(drift[1])), self.closures, self._tied_m)
+
+    def _add_frame(self, frame: KeyFrame, known: bool) -> None:
+        self._ways_m.append(frame.way_m)
+        if not self._frames:
+            self._frames.append(frame)
+            self._graph.add_node(frame.odom if known else Pose2(0.0, 0.0, 0.0))
+            return
+        last = self._frames[-1]
+        relative = last.odom.between(frame.odom)
+        added_rad = frame.calibrated_rad - last.calibrated_rad
+        raw = _bent(relative, -added_rad)
+        travel_m, turn_rad = frame.travel_m - last.travel_m, frame.turned_rad - last.turned_rad
+        drift = self._graph.drift
+        bend_rad = float(drift[0]) * travel_m + float(drift[1]) * turn_rad
+        node = self._graph.add_node(self._graph.pose(len(self._frames) - 1).compose(_bent(raw, bend_rad)))
+        information = KNOWN if known else self._errors.information(travel_m, turn_rad)
+        if not frame.certain:
+            information = CARRIED
+            self._tied_m = frame.way_m - CARRIED_M
+        self._graph.edges.append(Edge(node - 1, node, raw, information, Kind.ODOMETRY, travel_m, turn_rad))
+        self._frames.append(frame)
+
+    @property
+    def _way_m(self) -> float:
+        return self._ways_m[-1]
+
+    def _tie(self) -> None:
+        """Look for ties of the recent stretch to what is known, and let the graph come to rest."""
+        before = len(self._graph.edges)
+        self._tie_near()
+        self._rest(before)
+        if self._way_m - self._matched_m < MATCH_EVERY_M:
+            return
+        self._matched_m = self._way_m
+        before = len(self._graph.edges)
+        self._tie_walls()
+        self._tie_loops()
+        self._rest(before)
+
+    def _rest(self, before: int) -> None:
+        if len(self._graph.edges) > before and self._graph.strain(before) > STRAIN_MAX:
+            self._graph.optimise()
+        for edge in self._graph.edges[before:]:
+            if edge.kind is Kind.LOOP and self._graph.chi2(edge) < ADOPTED_CHI2:
+                self._tied_m = self._way_m
+
+    def _tie_near(self) -> None:
+        """Register the newest stretch onto the one before it."""
+        mine = self._echoes.stretch(self._way_m - NEAR_M)
+        other = self._echoes.stretch(self._way_m - NEAR_M - NEAR_REACH_M, self._way_m - NEAR_M - NEAR_GAP_M)
+        if len(mine) < NEAR_POINTS_MIN or len(other) < NEAR_POINTS_MIN:
+            return
+        poses = self._graph.poses
+        node = int(np.median(mine[:, 0]))
+        match = self._register(mine, other, node, poses, 0.0, 0.0)
+        if match is None or match.overlap < NEAR_OVERLAP_MIN or match.rms_m > NEAR_RMS_MAX_M:
+            return
+        # Held by the end of the stretch before: that is what it was registered onto, most of all
+        anchor = int(np.searchsorted(np.array(self._ways_m), self._way_m - NEAR_M - NEAR_GAP_M - 1.0))
+        if anchor >= node:
+            return
+        gap_m = self._ways_m[node] - self._ways_m[anchor]
+        self._bends.append(
+            (match.correction.heading_rad / gap_m, gap_m**2 / (1.0 / match.information[2, 2] + BEND_SD_RAD**2))
+        )
+        if self._errors is GYRO_LED and _significance(self._bends) > BEND_SIGMAS:
+            self._distrust_odometry()
+        self._near.append(self._tie_of(anchor, node, match, poses, Kind.NEAR, NEAR_SD_M, NEAR_SD_RAD))
+        if self._errors is WHEELS_ALONE:
+            self._graph.edges.extend(self._near)
+            self._near.clear()
+
+    def _distrust_odometry(self) -> None:
+        """Its heading is not led by a gyro: walls seen a moment ago know better."""
+        self._errors = WHEELS_ALONE
+        self._graph.prior = WHEELS_ALONE.drift
+        self._graph.edges = [
+            replace(edge, information=WHEELS_ALONE.information(edge.way_m, edge.turn_rad))
+            if edge.kind is Kind.ODOMETRY
+            else edge
+            for edge in self._graph.edges
+        ]
+
+    def _register(
+        self, mine: FloatArray, other: FloatArray, node: int, poses: FloatArray, search_m: float, search_rad: float
+    ) -> Match | None:
+        points, directions = in_map(mine, poses)
+        fixed, fixed_directions = in_map(other, poses)
+        return register(
+            points, _unit(directions), fixed, _unit(fixed_directions), poses[node, :2], search_m, search_rad
+        )
+
+    def _tie_of(
+        self, anchor: int, node: int, match: Match, poses: FloatArray, kind: Kind, sd_m: float, sd_rad: float
+    ) -> Edge:
+        corrected = _about(poses[node, :2], match.correction).compose(Pose2.from_array(poses[node]))
+        reference = Pose2.from_array(poses[anchor])
+        turn = Pose2(0.0, 0.0, -reference.heading_rad)
+        rotation = np.eye(3)
+        rotation[:2, :2] = np.stack([turn.transform([1.0, 0.0]), turn.transform([0.0, 1.0])], axis=1)
+        information = rotation @ limited(match.information, sd_m, sd_rad) @ rotation.T
+        return Edge(anchor, node, reference.between(corrected), information, kind)
+
+    def _tie_walls(self) -> None:
+        rows = self._echoes.stretch(self._way_m - PIECE_WAY_M)
+        if len(rows) == 0:
+            return
+        poses = self._graph.poses
+        node = len(self._frames) - 1
+        points, directions = in_map(rows, poses)
+        pose = self._graph.pose(node)
+        side = np.sin(directions - pose.heading_rad)
+        for sign in (1.0, -1.0):
+            mine = side * sign > cos(radians(25.0))
+            piece = fit_piece(points[mine], directions[mine])
+            if piece is None:
+                continue
+            middle, normal_rad, length_m = piece
+            self._continue_wall(node, pose, middle, normal_rad, length_m, poses)
+            self._keep_right_angles(node, pose, normal_rad, length_m)
+            local = pose.inverse().transform(middle)
+            turned_rad = wrap_angle(normal_rad - pose.heading_rad)
+            self._pieces.append(WallPiece(node, self._way_m, float(local[0]), float(local[1]), turned_rad, length_m))
+
+    def _continue_wall(
+        self, node: int, pose: Pose2, middle: FloatArray, normal_rad: float, length_m: float, poses: FloatArray
+    ) -> None:
+        """Tie the piece to the earliest one of the same wall in the stretch looked back over."""
+        for other in self._pieces:
+            behind_m = self._way_m - other.way_m
+            if not PIECE_GAP_M <= behind_m <= PIECE_LOOK_BACK_M:
+                continue
+            other_pose = Pose2.from_array(poses[other.node])
+            other_middle, other_normal = other.in_map(other_pose)
+            departs = continuation(middle, normal_rad, length_m, other_middle, other_normal, other.length_m)
+            if departs is None:
+                continue
+            turn, offset = departs
+            n = np.array([cos(other_normal), sin(other_normal)])
+            correction = _about(middle, Pose2(-offset * n[0], -offset * n[1], -turn))
+            n_local = Pose2(0.0, 0.0, -other_pose.heading_rad).transform(n)
+            information = np.zeros((3, 3))
+            information[:2, :2] = np.outer(n_local, n_local) / 0.10**2
+            information[2, 2] = 1.0 / (radians(0.5) + 0.03 / min(length_m, other.length_m) / 3) ** 2
+            relative = other_pose.between(correction.compose(pose))
+            self._graph.edges.append(Edge(other.node, node, relative, information, Kind.WALL))
+            return
+
+    def _keep_right_angles(self, node: int, pose: Pose2, normal_rad: float, length_m: float) -> None:
+        """Where the walls so far stand at right angles, a piece that nearly does too pulls the heading, softly."""
+        total_m = self._directions_m
+        self._directions += length_m * rect(1.0, 4 * normal_rad)
+        self._directions_m += length_m
+        if total_m < RIGHT_ANGLES_WALL_M or abs(self._directions) < RIGHT_ANGLES_SHARE * self._directions_m:
+            return
+        off_rad = (4 * normal_rad - phase(self._directions) + pi) % (2 * pi) - pi
+        if abs(off_rad / 4) > RIGHT_ANGLES_NEAR_RAD:
+            return
+        information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
+        upright = Pose2(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad - off_rad / 4))
+        self._graph.edges.append(Edge(0, node, upright, information, Kind.BEARING))
+
+    def _tie_loops(self) -> None:
+        rows = self._echoes.stretch(self._way_m - RECENT_M)
+        if len(rows) < LOOP_POINTS_MIN:
+            return
+        poses = self._graph.poses
+        here = poses[-1]
+        ways = np.array(self._ways_m)
+        old = ways < self._way_m - RECENT_M - LOOP_GAP_M
+        near = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
+        near[~old] = np.inf
+        mine = int(np.median(rows[:, 0]))
+        reach_m = LOOP_REACH_M + self._errors.search_window(self._way_m - self._tied_m)[0]
+        for _ in range(PASSES_MAX):
+            reachable = np.flatnonzero(near < reach_m)
+            if not len(reachable):
+                return
+            first = ways[reachable[0]]
+            of_pass = reachable[ways[reachable] < first + 2 * LOOP_REACH_M]
+            self._match_pass(int(of_pass[near[of_pass].argmin()]), mine, rows, poses)
+            near[ways < first + 2 * LOOP_SPAN_M] = np.inf
+
+    def _match_pass(self, node: int, mine: int, recent: FloatArray, poses: FloatArray) -> None:
+        way_m = self._ways_m[node]
+        end_m = min(way_m + LOOP_SPAN_M, self._way_m - RECENT_M - 2.0)
+        rows = self._echoes.stretch(way_m - LOOP_SPAN_M, end_m)
+        if len(rows) < LOOP_POINTS_MIN:
+            return
+        since_m = self._way_m - self._tied_m
+        search_m, search_rad = self._errors.search_window(since_m)
+        match = self._register(recent, rows, mine, poses, search_m, search_rad)
+        if (
+            match is None
+            or match.overlap < LOOP_OVERLAP_MIN
+            or match.rms_m > LOOP_RMS_MAX_M
+            or match.overlap * len(recent) < LOOP_POINTS_MIN
+            or match.rival > LOOP_RIVAL_MAX
+        ):
+            return
+        self.closures += 1
+        self._graph.edges.append(self._tie_of(node, mine, match, poses, Kind.LOOP, LOOP_SD_M, LOOP_SD_RAD))
+
+
+def _significance(bends: Sequence[tuple[float, float]]) -> float:
+    """How many standard deviations the mean of (value, weight) lies off zero, once there are enough of them."""
+    weight = sum(w for _, w in bends)
+    return abs(sum(b * w for b, w in bends)) / weight**0.5 if len(bends) == BENDS_KEPT else 0.0
+
+
+def limited(information: FloatArray, sd_m: float, sd_rad: float) -> FloatArray:
+    """No match is trusted further than the sonars' own systematic errors, in no direction."""
+    values, vectors = np.linalg.eigh(information[:2, :2])
+    out = np.zeros((3, 3))
+    out[:2, :2] = (vectors * np.minimum(values, sd_m**-2)) @ vectors.T
+    out[2, 2] = min(float(information[2, 2]), sd_rad**-2)
+    return out
+
+
+def _unit(directions_rad: FloatArray) -> Points:
+    return np.stack([np.cos(directions_rad), np.sin(directions_rad)], axis=1)
+
+
+def _bent(relative: Pose2, bend_rad: float) -> Pose2:
+    """A way that turned by `bend_rad` more than `relative` says, evenly."""
+    c, s = cos(bend_rad / 2), sin(bend_rad / 2)
+    x, y = relative.x_m, relative.y_m
+    return Pose2(c * x - s * y, s * x + c * y, wrap_angle(relative.heading_rad + bend_rad))
+
+
+def _about(centre: FloatArray, motion: Pose2) -> Pose2:
+    """A rotation about `centre` followed by a shift, as one motion of the map."""
+    rotated = Pose2(0.0, 0.0, motion.heading_rad).transform(centre)
+    return Pose2(
+        float(centre[0] - rotated[0]) + motion.x_m, float(centre[1] - rotated[1]) + motion.y_m, motion.heading_rad
+    )

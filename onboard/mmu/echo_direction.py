@@ -1,0 +1,112 @@
+"""Where in its beam did a sonar hear the wall? Samples of one thing heard on the way -> direction and normal of it.
+
+A beam of half width w hears a wall at its perpendicular foot when the foot lies in the beam, else (a narrow beam, a
+pencil of light) where the beam's nearer edge meets it. So, for a wall with normal n at distance d from the robot and a
+beam that looks along b:
+
+    range * cos(max(|n - b| - w, 0)) = d
+
+1. For every normal in question, that predicts d from each sample; with the way driven in between, all samples must
+   agree. What does not fit (cross-talk, early echoes, a wall's end) gives itself away.
+2. The spread of the normals that fit says how well the direction is known. Driving past tells it to a degree; turning
+   on the spot it is the middle of the headings that hear the wall (regions of constant depth: Leonard and
+   Durrant-Whyte 1992).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import radians, sqrt
+
+import numpy as np
+
+from common.geometry import FloatArray
+
+ANGLE_STEP_RAD = radians(3.0)
+NARROW_RAD = radians(20.0)  # a beam narrower than this also hears walls that it does not meet squarely
+INCIDENCE_MAX_RAD = radians(60.0)
+FIT_SD_MAX_M = 0.03
+RANGE_SD_SHARE = 0.005
+SHARP_RAD = radians(4.0)
+AMBIGUOUS_RAD = radians(20.0)
+AMBIGUOUS_SHARE = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """All angles relative to the beam's axis at the sample in question, radians, left positive."""
+
+    normal_rad: float  # of the wall, away from the robot
+    normal_sd_rad: float
+    direction_rad: float  # from the robot to the place that answered
+    range_m: float
+    fit_sd_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """A sonar's half width, and the step of its ranges."""
+
+    half_width_rad: float
+    step_m: float
+
+    @property
+    def narrow(self) -> bool:
+        return self.half_width_rad < NARROW_RAD
+
+    def normals(self) -> FloatArray:
+        """Every normal that this beam may hear, relative to its axis (A,), and one beyond on each side."""
+        reach = max(self.half_width_rad, INCIDENCE_MAX_RAD if self.narrow else 0.0)
+        count = round(reach / ANGLE_STEP_RAD) + 1
+        return ANGLE_STEP_RAD * np.arange(-count, count + 1, dtype=np.float64)
+
+
+def locate(
+    beam: Beam, normals: FloatArray, at_m: FloatArray, turned_rad: FloatArray, ranges_m: FloatArray, centre: int
+) -> Heard | None:
+    """Where the `centre`-th sample heard the wall, or None where the samples do not agree on one.
+
+    `at_m` (N, 2) and `turned_rad` (N,) are the sonar's places and turns relative to the centre's, in the frame of its
+    axis; `normals` is `beam.normals()`.
+    """
+    off = np.abs(normals[:, None] - turned_rad[None, :])
+    beyond = np.maximum(off - beam.half_width_rad, 0.0)
+    c, s = np.cos(normals), np.sin(normals)
+    distance = ranges_m[None, :] * np.cos(beyond) + c[:, None] * at_m[None, :, 0] + s[:, None] * at_m[None, :, 1]
+    mean = distance.mean(axis=1)
+    square = ((distance - mean[:, None]) ** 2).sum(axis=1)
+    sigma_m = max(beam.step_m / sqrt(12.0), 0.01, RANGE_SD_SHARE * float(ranges_m[centre]))
+    limit_rad = max(beam.half_width_rad + 1.5 * ANGLE_STEP_RAD, INCIDENCE_MAX_RAD if beam.narrow else 0.0)
+    heard = off.max(axis=1) <= limit_rad
+    chi2 = np.where(heard, square / sigma_m**2, np.inf)
+    best = int(chi2.argmin())
+    fit_sd_m = sqrt(float(square[best]) / max(len(ranges_m) - 2, 1))
+    at_rim = best in (0, len(normals) - 1)  # what was heard lies outside of the beam
+    if not np.isfinite(chi2[best]) or fit_sd_m > FIT_SD_MAX_M or at_rim:
+        return None
+    found = _peak(normals, chi2, best, off.mean(axis=1) / max(beam.half_width_rad, NARROW_RAD))
+    if found is None:
+        return None
+    normal_rad, sd_rad = found
+    direction_rad = min(max(normal_rad, -beam.half_width_rad), beam.half_width_rad)
+    # The mean over the samples is steadier than the one range
+    range_m = float(np.interp(normal_rad, normals, mean)) / float(np.cos(normal_rad - direction_rad))
+    return Heard(normal_rad, sd_rad, direction_rad, range_m, fit_sd_m / sqrt(len(ranges_m)))
+
+
+def _peak(normals: FloatArray, chi2: FloatArray, best: int, off_axis: FloatArray) -> tuple[float, float] | None:
+    """The normal that fits best and its standard deviation; None where two that lie apart fit alike."""
+    likely = np.exp(-0.5 * (chi2 - chi2[best] + 2.0 * off_axis**2))
+    far = np.abs(normals - normals[best]) > AMBIGUOUS_RAD
+    total = float(likely.sum())
+    if float(likely[far].sum()) > AMBIGUOUS_SHARE * total:
+        return None
+    mean = float((likely * normals).sum()) / total
+    sd = sqrt(float((likely * (normals - mean) ** 2).sum()) / total)
+    if sd < SHARP_RAD and 0 < best < len(normals) - 1:
+        before, here, after = chi2[best - 1 : best + 2].tolist()
+        bend = before - 2 * here + after
+        if np.isfinite(bend) and bend > 0:
+            shift = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
+            return float(normals[best]) + shift * ANGLE_STEP_RAD, ANGLE_STEP_RAD * sqrt(2.0 / bend)
+    return mean, max(sd, ANGLE_STEP_RAD / 4)

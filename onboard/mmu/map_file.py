@@ -1,0 +1,115 @@
+"""The map on disk: it outlives a restart of the process, and another run can find its way in it.
+
+Written whole under another name, then renamed: a reader never meets half of one. Saved at every closure and at least
+every 30 s.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from common.geometry import FloatArray, Pose2
+from onboard.mmu.back_end import Correction, Increment
+from onboard.mmu.key_frames import FrameStore, KeyFrame, LastSeen
+
+SAVE_EVERY_S = 30.0
+FORMAT = 1
+
+_log = logging.getLogger("mmu")
+
+
+@dataclass(frozen=True, slots=True)
+class SavedMap:
+    """Key frames with their poses (K, 3) in the map, what was seen from them, and where the robot was last."""
+
+    times_s: FloatArray  # (K,)
+    poses: FloatArray
+    ways_m: FloatArray  # (K,)
+    echoes: FloatArray  # (N, 6) as `FrameStore` keeps them
+    rays: FloatArray
+    last: LastSeen | None = None
+
+    def frames(self) -> tuple[KeyFrame, ...]:
+        """As key frames whose odometry is the map itself."""
+        travel_m = turned_rad = 0.0
+        frames: list[KeyFrame] = []
+        for t_s, way_m, row in zip(self.times_s.tolist(), self.ways_m.tolist(), self.poses, strict=True):
+            pose = Pose2.from_array(row)
+            if frames:
+                relative = frames[-1].odom.between(pose)
+                travel_m += frames[-1].odom.distance_m(pose)
+                turned_rad += relative.heading_rad
+            frames.append(KeyFrame(t_s, pose, travel_m, way_m, turned_rad, 0.0))
+        return tuple(frames)
+
+
+class MapKeeper:
+    """Collects what the back end was given and saves it with what the back end made of it. None: keeps nothing."""
+
+    def __init__(self, file: Path | None) -> None:
+        self._file = file
+        self._frames: list[KeyFrame] = []
+        self._echoes, self._rays = FrameStore(), FrameStore()
+        self._saved_s = float("-inf")
+        self._closures = 0
+
+    def take(self, increment: Increment, correction: Correction) -> None:
+        if self._file is None:
+            return
+        self._frames.extend(increment.frames)
+        self._echoes.append(increment.echoes)
+        self._rays.append(increment.rays)
+        now_s = self._frames[-1].t_s if self._frames else 0.0
+        if correction.closures == self._closures and now_s - self._saved_s < SAVE_EVERY_S:
+            return
+        self._saved_s, self._closures = now_s, correction.closures
+        times_s = np.array([f.t_s for f in self._frames])
+        ways_m = np.array([f.way_m for f in self._frames])
+        saved = SavedMap(times_s, correction.poses, ways_m, self._echoes.rows(), self._rays.rows(), increment.last)
+        try:
+            save_map(self._file, saved)
+        except OSError as error:
+            _log.warning("map not saved file=%s error=%s", self._file, error)
+
+
+def save_map(file: Path, saved: SavedMap) -> None:
+    """Replaces the file; raises OSError."""
+    part = file.with_name(f".{file.name}.part")
+    last = saved.last
+    with part.open("wb") as stream:
+        np.savez(
+            stream,
+            format=FORMAT,
+            times_s=saved.times_s,
+            poses=saved.poses,
+            ways_m=saved.ways_m,
+            echoes=saved.echoes.astype(np.float32),
+            rays=saved.rays.astype(np.float32),
+            last=np.array([] if last is None else [last.session, *last.board.as_array(), *last.pose.as_array()]),
+        )
+        stream.flush()
+        os.fsync(stream.fileno())
+    part.replace(file)
+
+
+def load_map(file: Path) -> SavedMap | None:
+    """The map in a file; None, with a line in the log, where there is none that can be used."""
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            if int(content["format"]) != FORMAT:
+                raise ValueError(f"format {int(content['format'])}, expected {FORMAT}")
+            arrays = {name: np.asarray(content[name], np.float64) for name in content.files}
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, BadZipFile, EOFError) as error:
+        _log.warning("map not readable, begins anew file=%s error=%s", file, error)
+        return None
+    row = arrays["last"]
+    last = LastSeen(int(row[0]), Pose2.from_array(row[1:4]), Pose2.from_array(row[4:7])) if len(row) else None
+    return SavedMap(arrays["times_s"], arrays["poses"], arrays["ways_m"], arrays["echoes"], arrays["rays"], last)
