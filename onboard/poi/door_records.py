@@ -20,8 +20,8 @@ from onboard.poi.sign_reading import SignReading, Verdict
 
 EDGE_GATE_M = 0.15  # sightings of one edge; doors stand further apart
 SIGN_GATE_M = 0.30  # readings of one sign
-SAME_WALL_RAD = 0.7
-OFF_WALL_M = 0.35
+SAME_WALL_RAD = 0.4
+OFF_WALL_M = 0.25
 DOOR_WIDTH_M = (0.65, 1.45)  # between the outer edges of the frame
 USUAL_WIDTH_M = 1.06
 PLATE_REACH_M = 0.55  # from a plate to its door's nearest edge
@@ -225,9 +225,17 @@ class DoorRecords:
         doors = [
             _door(left, right, mine.get(i))
             for i, (left, right) in enumerate(spans)
-            if i in mine or min(left.place.count, right.place.count) >= SIGHTINGS_UNREAD_MIN
+            if i in mine or self._speaks_for_itself(left, right)
         ]
         return _distinct(doors + [self._door_of_plate(plate) for plate in alone])
+
+    def _speaks_for_itself(self, left: Edge, right: Edge) -> bool:
+        """A door without a plate: seen well, and not the outline of a poster and what is beside it."""
+        a, b = left.place.point, right.place.point
+        posters = (sign for sign in self.signs if sign.rejected)
+        return min(left.place.count, right.place.count) >= SIGHTINGS_UNREAD_MIN and not any(
+            _gap_m(a, b, poster.place.point) == 0.0 for poster in posters
+        )
 
     def _door_of_plate(self, plate: Sign) -> Door:
         """A plate whose door was not seen whole: one edge tells where the door is, on it or beside it nothing does."""
@@ -271,9 +279,12 @@ def _distinct(doors: list[Door]) -> list[Door]:
             min((e.place.count for e in door.edges), default=0),
         )
 
+    believed = {door.sign.number for door in doors if door.sign is not None and door.state is State.READ}
     kept: list[Door] = []
     for door in sorted(doors, key=strength, reverse=True):
         number = door.sign.number if door.sign is not None else ""
+        if door.state is State.DOUBTFUL and number in believed:
+            continue  # the same plate, seen once from where it could not be placed
         for other in kept:
             reach_m = SAME_DOOR_M
             if number and other.sign is not None and other.sign.number == number:

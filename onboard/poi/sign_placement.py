@@ -54,6 +54,13 @@ class WallLine:
 
     distance_m: float
     along_rad: float
+    measured: bool = True  # the direction; else it is taken for parallel to the robot
+
+    def foot(self, pose: Pose2) -> WallPoint:
+        """The point of the wall that is nearest to the pose."""
+        at = self.point(pose, self.along_rad - pi / 2)
+        assert at is not None
+        return at
 
     def range_m(self, bearing_rad: float) -> float | None:
         """How far a ray goes until it meets the wall; None where it meets it at too flat an angle."""
@@ -106,7 +113,7 @@ class WallTracker:
         distance_m = -level_m * cos(along_rad)
         if abs(along_rad) > SKEW_MAX_RAD or rough_m > ROUGH_MAX_M or not 0.0 < distance_m < WALL_REACH_M:
             return None
-        return WallLine(distance_m, along_rad)
+        return WallLine(distance_m, along_rad, bool(np.ptp(plain[:, 0]) >= SPREAD_MIN_M))
 
 
 def _line(feet: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> tuple[float, float]:

@@ -13,7 +13,7 @@ import cv2
 
 from common.bus import Bus
 from common.constants import SONAR_RIGHT
-from common.geometry import Pose2
+from common.geometry import Pose2, wrap_angle
 from common.messages import MAP, POSE, RANGES, PoseEstimate, Ranges
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.door_detection import ColourBox, DoorDetector
@@ -32,6 +32,7 @@ STANDING_SPACING_S = 0.4
 FRAME_AGE_MAX_S = 1.0
 POSE_WAIT_S = 0.25  # a frame waits so long for the pose after it
 JOBS_AT_ONCE = 3
+SKEW_MAX_RAD = 0.2  # between the wall that was heard and the one on the map
 PHOTO_QUALITY = 80
 
 
@@ -117,7 +118,14 @@ class Survey:
     def _beside(self, frame: Frame) -> tuple[Pose2, WallLine] | None:
         pose = self.history.at(frame.t_s)
         wall = self._walls.wall(pose) if pose is not None else None
-        return (pose, wall) if pose is not None and wall is not None else None
+        if pose is None or wall is None:
+            return None
+        # A robot that stands askew hears something else on its right than the wall it looks at
+        foot = wall.foot(pose)
+        mapped_rad = self.map.normal_rad(foot)
+        if mapped_rad is None:
+            return (pose, wall) if wall.measured else None
+        return (pose, wall) if abs(wrap_angle(mapped_rad - foot.normal_rad)) < SKEW_MAX_RAD else None
 
     def _look_at_preview(self, frame: Frame, now_s: float, holding: bool) -> None:
         if self.turning:

@@ -19,7 +19,7 @@ BACKED_SHARE = 0.8
 INNER = 0.7  # of the span: at its ends echo the corners of a mouth
 NEAR_M = 0.7
 POINTS_MIN = 5
-WAY_CLEAR_M = 0.25
+WAY_CLEAR_M, GOAL_CLEAR_M = 0.25, 0.45
 STRAIGHT = 0.25  # spread across over spread along: more is a corner
 
 
@@ -49,28 +49,35 @@ class WallMap:
         return bool((gaps_m < BACKING_M).mean() >= BACKED_SHARE)
 
     def in_sight(self, from_pose: Pose2, to_pose: Pose2) -> bool:
-        """No mapped wall stands between two poses, nor next to the straight way from one to the other."""
+        """No mapped wall stands between two poses, nor too near to the way or the second one."""
         a, b = np.array([from_pose.x_m, from_pose.y_m]), np.array([to_pose.x_m, to_pose.y_m])
         length_m = float(np.hypot(*(b - a)))
         near = self._near((a + b) / 2, length_m / 2 + WAY_CLEAR_M)
         if not len(near) or length_m < 1e-6:
             return True
+        if np.hypot(*(near - b).T).min() < GOAL_CLEAR_M:
+            return False
         share = np.clip((near - a) @ (b - a) / length_m**2, 0.0, 1.0)
         return bool((np.hypot(*(near - a - share[:, None] * (b - a)).T) > WAY_CLEAR_M).all())
 
     def facing(self, point: WallPoint) -> WallPoint:
         """The point with the direction out of the mapped wall around it; as it is where the map shows no plain wall."""
+        normal_rad = self.normal_rad(point)
+        return point if normal_rad is None else WallPoint(point.x_m, point.y_m, normal_rad)
+
+    def normal_rad(self, point: WallPoint) -> float | None:
+        """Direction out of the mapped wall around a point, on its own side; None where there is no plain wall."""
         near = self._near(np.array([point.x_m, point.y_m]), NEAR_M)
         if len(near) < POINTS_MIN:
-            return point
+            return None
         (a, b), (_, d) = np.cov((near - near.mean(axis=0)).T)
         across, along = np.linalg.eigvalsh([[a, b], [b, d]])
         if across > STRAIGHT**2 * along:
-            return point
+            return None
         normal_rad = 0.5 * atan2(2 * b, a - d) + pi / 2
         if cos(normal_rad - point.normal_rad) < 0:
             normal_rad += pi
-        return WallPoint(point.x_m, point.y_m, wrap_angle(normal_rad))
+        return wrap_angle(normal_rad)
 
     def _near(self, middle: Points, reach_m: float) -> Points:
         p = self._points

@@ -190,3 +190,20 @@ def test_sign_that_was_never_legible_wants_a_photo() -> None:
     sign: Sign = records.add_sign(on_wall(5.0), 1.0, unclear)
     assert sign.wants_photo
     assert records.doors() == []
+
+
+def test_outline_around_a_poster_is_no_door() -> None:
+    records = records_with_door(3.0)
+    for _ in range(2):
+        records.add_sign(on_wall(3.3), 7.0, other())
+    assert records.doors() == []
+
+
+def test_single_reading_of_a_number_that_another_door_has_is_dropped() -> None:
+    records = records_with_door(3.0)
+    for _ in range(2):
+        records.add_sign(on_wall(2.25), 7.0, plate("101"))
+    records.add_sign(on_wall(9.0), 9.0, plate("101"))
+    assert len(records.doors()) == 1
+    records.add_sign(on_wall(9.0), 9.5, plate("101"))
+    assert len(records.doors()) == 2
