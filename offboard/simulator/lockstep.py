@@ -19,6 +19,7 @@ from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand,
 from offboard.recorder.recorder import Recorder
 from offboard.simulator.board import FirmwareBuildError, HostBoard
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
+from offboard.simulator.route import RouteDriver
 from offboard.simulator.simulation import Simulation
 from offboard.simulator.world import STEP_S
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
@@ -127,8 +128,6 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     """The whole robot in its building, powered on; raises StartError."""
     if options.board != "host":
         raise StartError("Only the host build of the firmware can be simulated so far; leave --board at host.")
-    if options.route is not None:
-        raise StartError("There is no scripted route yet; leave --route out.")
     floor, events = load_world(options)
     try:
         board = HostBoard()
@@ -148,7 +147,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
         MappingUnit(config.sonars.bearings_rad, back_end),
-        Planner(),
+        Planner() if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
         Comm(config.comm),
     ]
     if recorder is not None:
