@@ -25,8 +25,8 @@ from offboard.simulator.world import STEP_S
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
+from onboard.mmu.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
-from onboard.mmu.worker import DeferredWorker
 from onboard.planner.planner import Planner
 
 TIME_LIMIT_S = 4 * 3600.0
@@ -146,7 +146,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     back_end = DeferredWorker()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
-        MappingUnit(config.sonars.bearings_rad, back_end),
+        MappingUnit(back_end, config.sonars.bearings_rad),
         Planner() if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
         Comm(config.comm),
     ]

@@ -72,8 +72,15 @@ class OccupancyGrid:
         index = self._index(points)
         seen_wall = np.cumsum(self._hits[index] > 0, axis=1) > 0
         open_ = (reach[None, :] <= free[:, None]) & ~seen_wall
-        flat = index[0][open_] * self._passes.shape[1] + index[1][open_]
-        self._passes.ravel()[:] += np.bincount(flat, minlength=self._passes.size).astype(np.uint32)
+        row, column = index[0][open_], index[1][open_]
+        if not len(row):
+            return
+        # Counted over the touched rectangle only: a few rays of a robot must not cost as much as the floor is large
+        low_row, low_column = int(row.min()), int(column.min())
+        rows, columns = int(row.max()) - low_row + 1, int(column.max()) - low_column + 1
+        count = np.bincount((row - low_row) * columns + (column - low_column), minlength=rows * columns)
+        view = self._passes[low_row : low_row + rows, low_column : low_column + columns]
+        view += count.reshape(rows, columns).astype(np.uint32)
 
     def add_hull(self, positions_m: Points) -> None:
         """Where the robot itself stood (N, 2) is free, whatever the sonars say."""
