@@ -21,14 +21,15 @@ from offboard.simulator.avr_board import AvrBoard
 from offboard.simulator.board import Board, FirmwareBuildError, HostBoard
 from offboard.simulator.camera_frames import CameraFrames
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
+from offboard.simulator.route import RouteDriver
 from offboard.simulator.simulation import Simulation
 from offboard.simulator.world import STEP_S
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
+from onboard.mmu.deferred_worker import DeferredWorker as DeferredBackEnd
 from onboard.mmu.mmu import MappingUnit
-from onboard.mmu.worker import DeferredWorker as DeferredBackEnd
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi, reader_of
 from onboard.poi.reading_worker import DeferredWorker as DeferredReading
@@ -116,8 +117,6 @@ def _board(build_of: str) -> Board:
 
 def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     """The whole robot in its building, powered on; raises StartError."""
-    if options.route is not None:
-        raise StartError("There is no scripted route yet; leave --route out.")
     floor, events = load_world(options)
     simulation = Simulation(
         floor,
@@ -136,8 +135,8 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     back_end = DeferredBackEnd()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
-        MappingUnit(config.sonars.bearings_rad, back_end),
-        Planner(),
+        MappingUnit(back_end, config.sonars.bearings_rad),
+        Planner() if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
         Comm(config.comm, outbox=outbox),
     ]
     if recorder is not None:

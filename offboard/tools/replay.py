@@ -17,8 +17,8 @@ from common.geometry import FloatArray, Pose2
 from common.messages import Ranges
 from offboard.recorder.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_NAME, write_map_points, write_tum
 from offboard.tools.range_log import RangeLog
+from onboard.mmu.deferred_worker import DeferredWorker
 from onboard.mmu.slam import Carrier, Slam
-from onboard.mmu.worker import DeferredWorker
 
 BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narrower, a small sonar's wider
 
@@ -39,7 +39,7 @@ class Replayed:
 def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> Replayed:
     """The whole log through the mapping unit."""
     worker = DeferredWorker()
-    slam = Slam(Carrier(log.bearings_rad, log.range_step_m, radians(beam_half_width_deg)), worker)
+    slam = Slam(worker, Carrier(log.bearings_rad, log.range_step_m, radians(beam_half_width_deg)))
     online = np.zeros((len(log.times_s), 3))
     step_s, work_s = np.zeros(len(log.times_s)), np.zeros(len(log.times_s))
     anchored: list[tuple[int, Pose2]] = []

@@ -19,7 +19,7 @@ from math import cos, pi, radians, sin
 import numpy as np
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from onboard.mmu.key_frames import FrameStore, KeyFrame, LastSeen, in_map
+from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, in_map
 from onboard.mmu.pose_graph import DriftPrior, Edge, Kind, PoseGraph
 from onboard.mmu.scan_matching import Match, register
 from onboard.mmu.walls import WallPiece, continuation, fit_piece
@@ -94,37 +94,6 @@ class OdometryErrors:
 
 GYRO_LED = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), 0.01))
 WHEELS_ALONE = OdometryErrors(radians(0.25), 0.01, DriftPrior(radians(2.0), 0.03), 0.05, 0.006)
-
-
-@dataclass(frozen=True, slots=True)
-class Increment:
-    """What the front end adds: key frames; echoes and rays (N, 6) as `FrameStore` keeps them.
-
-    `known`: these key frames are a map from before, whose odometry is the map itself.
-    """
-
-    frames: tuple[KeyFrame, ...]
-    echoes: FloatArray
-    rays: FloatArray
-    last: LastSeen | None = None
-    known: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """Poses (K, 3) of all key frames as they are believed now, and the odometry's slow errors (rad/m, rad/rad).
-
-    No poses at all: the back end was lost and must be given everything again.
-    """
-
-    poses: FloatArray
-    drift: tuple[float, float]
-    closures: int
-    tied_at_m: float  # way at the newest tie to a place visited before
-
-    @classmethod
-    def lost(cls) -> Correction:
-        return cls(np.zeros((0, 3)), (0.0, 0.0), 0, 0.0)
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""Key frames and what was seen from them: values that the front end hands to the back end, and arrays of them."""
+"""Key frames and what was seen from them; what the front end hands to the back end, and what comes back."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from common.geometry import FloatArray, Points, Pose2
+from onboard.mmu.occupancy import OccupancyGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,38 @@ class LastSeen:
     session: int
     board: Pose2
     pose: Pose2
+
+
+@dataclass(frozen=True, slots=True)
+class Increment:
+    """What the front end adds: key frames; echoes and rays (N, 6) as `FrameStore` keeps them.
+
+    `known`: these key frames are a map from before, whose odometry is the map itself.
+    """
+
+    frames: tuple[KeyFrame, ...]
+    echoes: FloatArray
+    rays: FloatArray
+    last: LastSeen | None = None
+    known: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Poses (K, 3) of all key frames as they are believed now, and the odometry's slow errors (rad/m, rad/rad).
+
+    No poses at all: the back end was lost and must be given everything again.
+    """
+
+    poses: FloatArray
+    drift: tuple[float, float]
+    closures: int
+    tied_at_m: float  # way at the newest tie to a place visited before
+    grid: OccupancyGrid | None = None  # drawn anew because the past moved, from all that the back end has
+
+    @classmethod
+    def lost(cls) -> Correction:
+        return cls(np.zeros((0, 3)), (0.0, 0.0), 0, 0.0)
 
 
 @dataclass(slots=True)
@@ -56,6 +89,41 @@ class FrameStore:
         """(N, 6) of a stretch of the way."""
         rows = self._rows[: self.count]
         return rows[(rows[:, 1] >= from_m) & (rows[:, 1] <= to_m)]
+
+
+class PoseStore:
+    """Poses of all key frames in the map; grows by doubling."""
+
+    def __init__(self) -> None:
+        self._rows: FloatArray = np.zeros((256, 3))
+        self._count = 0
+
+    @property
+    def array(self) -> FloatArray:
+        """(K, 3)."""
+        return self._rows[: self._count]
+
+    @property
+    def last(self) -> Pose2:
+        return Pose2.from_array(self._rows[self._count - 1])
+
+    def append(self, pose: Pose2) -> None:
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        self._rows[self._count] = pose.as_array()
+        self._count += 1
+
+    def correct(self, poses: FloatArray) -> None:
+        """The first of them lie at `poses` (N, 3); those that are newer follow the last of these."""
+        known = len(poses)
+        newer: list[Pose2] = []
+        if self._count > known > 0:
+            shift = Pose2.from_array(poses[-1]).compose(Pose2.from_array(self._rows[known - 1]).inverse())
+            newer = [shift.compose(Pose2.from_array(p)) for p in self._rows[known : self._count]]
+        self._rows = np.concatenate([poses, np.zeros((max(256, known), 3))])
+        self._count = known
+        for pose in newer:
+            self.append(pose)
 
 
 def in_map(rows: FloatArray, poses: FloatArray) -> tuple[Points, FloatArray]:

@@ -15,8 +15,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from common.geometry import FloatArray, Pose2
-from onboard.mmu.back_end import Correction, Increment
-from onboard.mmu.key_frames import FrameStore, KeyFrame, LastSeen
+from onboard.mmu.key_frames import KeyFrame, LastSeen
 
 SAVE_EVERY_S = 30.0
 FORMAT = 1
@@ -49,33 +48,12 @@ class SavedMap:
         return tuple(frames)
 
 
-class MapKeeper:
-    """Collects what the back end was given and saves it with what the back end made of it. None: keeps nothing."""
-
-    def __init__(self, file: Path | None) -> None:
-        self._file = file
-        self._frames: list[KeyFrame] = []
-        self._echoes, self._rays = FrameStore(), FrameStore()
-        self._saved_s = float("-inf")
-        self._closures = 0
-
-    def take(self, increment: Increment, correction: Correction) -> None:
-        if self._file is None:
-            return
-        self._frames.extend(increment.frames)
-        self._echoes.append(increment.echoes)
-        self._rays.append(increment.rays)
-        now_s = self._frames[-1].t_s if self._frames else 0.0
-        if correction.closures == self._closures and now_s - self._saved_s < SAVE_EVERY_S:
-            return
-        self._saved_s, self._closures = now_s, correction.closures
-        times_s = np.array([f.t_s for f in self._frames])
-        ways_m = np.array([f.way_m for f in self._frames])
-        saved = SavedMap(times_s, correction.poses, ways_m, self._echoes.rows(), self._rays.rows(), increment.last)
-        try:
-            save_map(self._file, saved)
-        except OSError as error:
-            _log.warning("map not saved file=%s error=%s", self._file, error)
+def try_save(file: Path, saved: SavedMap) -> None:
+    """A disk that refuses must not keep the mapping from going on."""
+    try:
+        save_map(file, saved)
+    except OSError as error:
+        _log.warning("map not saved file=%s error=%s", file, error)
 
 
 def save_map(file: Path, saved: SavedMap) -> None:

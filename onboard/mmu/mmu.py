@@ -47,12 +47,12 @@ class MappingUnit:
 
     def __init__(
         self,
+        worker: Worker,
         bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD,
-        worker: Worker | None = None,
         saved: SavedMap | None = None,
     ) -> None:
         """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
-        self._slam = Slam(Carrier(bearings_rad), worker, saved)
+        self._slam = Slam(worker, Carrier(bearings_rad), saved)
         self._status = StatusReporter(self.name)
         self._map_sent_s = self._grid_sent_s = self._trajectory_sent_s = -math.inf
         self._sent_points = 0
@@ -119,7 +119,6 @@ class MappingUnit:
             bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
 
     def _publish_grid(self, bus: Bus, now_s: float) -> None:
-        self._slam.draw()
         cells = self._slam.grid.cells()
         origin_x_m, origin_y_m = self._slam.grid.origin_m
         self._grid_revision += 1
@@ -142,4 +141,4 @@ def make_mapping_unit(config: Config, arguments: argparse.Namespace) -> MappingU
     """The node of the process; the map stands in the log folder, and a process that comes back goes on in it."""
     folder: Path | None = arguments.log_dir
     file = folder / MAP_FILE if folder else None
-    return MappingUnit(config.sonars.bearings_rad, ProcessWorker(file), load_map(file) if file else None)
+    return MappingUnit(ProcessWorker(file), config.sonars.bearings_rad, load_map(file) if file else None)

@@ -6,7 +6,7 @@ running. A ray never frees what lies behind a known wall.
 
 from __future__ import annotations
 
-from math import radians
+from math import radians, sqrt
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ HITS_FOR_WALL = 2
 RAYS_AT_ONCE = 500
 HULL_CLEAR_M = 0.25
 _STEP_M = 0.08
+_PATCH_M = np.array([-sqrt(2.0), 0.0, sqrt(2.0)]) * CELL_M  # never two of them in one cell
 _REACHES = np.arange(0.0, RAY_MAX_M, _STEP_M)
 _DISC = np.array(
     [(x, y) for x in np.arange(-0.2, 0.21, 0.1) for y in np.arange(-0.2, 0.21, 0.1) if x * x + y * y <= HULL_CLEAR_M**2]
@@ -44,11 +45,13 @@ class OccupancyGrid:
     def origin_m(self) -> tuple[float, float]:
         return float(self._origin[0]), float(self._origin[1])
 
-    def add_walls(self, points_m: Points) -> None:
-        """Echoes (N, 2) on walls."""
+    def add_walls(self, points_m: Points, normals_rad: FloatArray) -> None:
+        """Echoes (N, 2) and the normals (N,) of their walls: each stands for a patch, since only a surface answers."""
         if len(points_m):
-            self._make_room(points_m)
-            np.add.at(self._hits, self._index(points_m), 1)
+            along = np.stack([-np.sin(normals_rad), np.cos(normals_rad)], axis=1)
+            patches = (points_m[:, None, :] + along[:, None, :] * _PATCH_M[None, :, None]).reshape(-1, 2)
+            self._make_room(patches)
+            np.add.at(self._hits, self._index(patches), 1)
 
     def add_rays(self, starts_m: Points, directions_rad: npt.ArrayLike, free_m: npt.ArrayLike) -> None:
         """Free space along rays: starts (N, 2), directions (N,), how far (N,); infinite where nothing was heard."""
@@ -72,8 +75,15 @@ class OccupancyGrid:
         index = self._index(points)
         seen_wall = np.cumsum(self._hits[index] > 0, axis=1) > 0
         open_ = (reach[None, :] <= free[:, None]) & ~seen_wall
-        flat = index[0][open_] * self._passes.shape[1] + index[1][open_]
-        self._passes.ravel()[:] += np.bincount(flat, minlength=self._passes.size).astype(np.uint32)
+        row, column = index[0][open_], index[1][open_]
+        if not len(row):
+            return
+        # Counted over the touched rectangle only: a few rays of a robot must not cost as much as the floor is large
+        low_row, low_column = int(row.min()), int(column.min())
+        rows, columns = int(row.max()) - low_row + 1, int(column.max()) - low_column + 1
+        count = np.bincount((row - low_row) * columns + (column - low_column), minlength=rows * columns)
+        view = self._passes[low_row : low_row + rows, low_column : low_column + columns]
+        view += count.reshape(rows, columns).astype(np.uint32)
 
     def add_hull(self, positions_m: Points) -> None:
         """Where the robot itself stood (N, 2) is free, whatever the sonars say."""

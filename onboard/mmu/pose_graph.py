@@ -12,7 +12,7 @@ from enum import Enum
 from math import radians
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import splu
 
 from common.geometry import FloatArray, Pose2, wrap_angles
@@ -190,6 +190,6 @@ def _bent(relative: FloatArray, bend_rad: FloatArray) -> FloatArray:
     return np.stack([c * x - s * y, s * x + c * y, relative[:, 2] + bend_rad], axis=1)
 
 
-def _diagonal(values: FloatArray) -> coo_matrix:
+def _diagonal(values: FloatArray) -> csc_matrix:
     index = np.arange(len(values))
-    return coo_matrix((values, (index, index)), shape=(len(values), len(values))).tocsc()
+    return csc_matrix((values, (index, index)), shape=(len(values), len(values)))

@@ -18,13 +18,12 @@ import numpy as np
 from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
 from common.messages import Odometry, Ranges
-from onboard.mmu.back_end import Correction, Increment
-from onboard.mmu.key_frames import FrameStore, KeyFrame, LastSeen, in_map
+from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, LastSeen, PoseStore, in_map
 from onboard.mmu.map_file import SavedMap
 from onboard.mmu.occupancy import OccupancyGrid
 from onboard.mmu.odometry import OdometryFilter, board_pose
 from onboard.mmu.surroundings import BEAM_HALF_RAD, Echo, Ray, Surroundings
-from onboard.mmu.worker import DeferredWorker, Worker
+from onboard.mmu.worker import Worker
 
 KEY_FRAME_M = 0.4
 KEY_FRAME_RAD = 0.35
@@ -32,8 +31,7 @@ WAY_M_PER_RAD = 0.6  # a robot that turns on the spot sees as much new as one th
 HAND_OVER_M = 0.5
 POSES_KEPT = 60  # of recent odometry, for dating ranges
 SD_MAX_M = 2.5
-REDRAW_ROWS = 300  # of rays that a new grid takes in per report: a step must stay short
-REDRAW_M = 0.04  # a correction larger than this redraws map and grid
+DRAW_ROWS = 40  # of rays that the grid takes in per report: a step must stay short
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,29 +43,30 @@ class Carrier:
     beam_half_rad: float = BEAM_HALF_RAD
 
 
+ROBOT = Carrier()
+
+
 class Slam:
     """The whole of it. `add_odometry` and `add_ranges` take the reports in as they come; the rest is read off."""
 
-    def __init__(
-        self, carrier: Carrier | None = None, worker: Worker | None = None, saved: SavedMap | None = None
-    ) -> None:
-        """`saved`: a map from before, to go on in."""
-        carrier = carrier or Carrier()
+    def __init__(self, worker: Worker, carrier: Carrier = ROBOT, saved: SavedMap | None = None) -> None:
+        """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
         self._odometry = OdometryFilter()
         self._surroundings = Surroundings(carrier.bearings_rad, carrier.range_step_m, carrier.beam_half_rad)
-        self._worker = worker or DeferredWorker()
+        self._worker = worker
         self._beams = len(carrier.bearings_rad)
         self._recent: list[tuple[float, Pose2]] = []
         self._frames: list[KeyFrame] = []
-        self._poses: list[FloatArray] = []
+        self._poses = PoseStore()
         self._echoes = FrameStore()
         self._rays = FrameStore()
         self._travel_m = self._way_m = 0.0
         self._handed = (0, 0, 0)  # frames, echoes and rays that the back end has
-        self._known = 0  # frames of a map from before
+        self._submitted = (0, 0)  # echoes and rays that the next correction rests on
+        self._known = self._known_echoes = self._known_rays = 0  # of a map from before
+        self._known_way_m = 0.0
         self._handed_m = 0.0
         self._drawn = (0, 0)  # echoes and rays in the grid
-        self._drawing: tuple[OccupancyGrid, tuple[int, int]] | None = None  # the next grid, and what it has
         self.grid = OccupancyGrid()
         self.revision = 0
         self.closures = 0
@@ -83,7 +82,7 @@ class Slam:
         """Where the robot is in the map."""
         if not self._frames:
             return Pose2(0.0, 0.0, 0.0)
-        return Pose2.from_array(self._poses[-1]).compose(self._frames[-1].odom.between(self._odometry.pose))
+        return self._poses.last.compose(self._frames[-1].odom.between(self._odometry.pose))
 
     @property
     def travel_m(self) -> float:
@@ -133,7 +132,8 @@ class Slam:
             self._correct(correction)
         if self._way_m - self._handed_m >= HAND_OVER_M and not self._worker.busy:
             self._hand_over(t_s)
-        self._draw_on()
+        if self._frames:
+            self._draw()
 
     def close(self) -> None:
         self._worker.close()
@@ -145,46 +145,28 @@ class Slam:
 
     def trajectory(self) -> tuple[FloatArray, FloatArray]:
         """Times (K,) and poses (K, 3) of the key frames as they lie now."""
-        return np.array([f.t_s for f in self._frames]), self._pose_array()
+        return np.array([f.t_s for f in self._frames]), self._poses.array.copy()
 
     def wall_points(self, start: int = 0) -> Points:
         """Echoes (N, 2) in the map, from the `start`-th on."""
         rows = self._echoes.rows(start)
-        return in_map(rows, self._pose_array())[0] if len(rows) else np.zeros((0, 2))
+        return in_map(rows, self._poses.array)[0] if len(rows) else np.zeros((0, 2))
 
     @property
     def wall_count(self) -> int:
         return self._echoes.count
 
-    def draw(self) -> None:
-        """Bring the grid up to the newest echoes and rays, unless it is just being drawn anew."""
-        if self._frames and self._drawing is None:
-            self._drawn = self._draw_into(self.grid, self._drawn, self._rays.count)
-
-    def _pose_array(self) -> FloatArray:
-        return np.array(self._poses).reshape(-1, 3)
-
-    def _draw_on(self) -> None:
-        """A part of the new grid after a correction; the old one stays until the new one is complete."""
-        if self._drawing is None:
-            return
-        grid, drawn = self._drawing
-        drawn = self._draw_into(grid, drawn, drawn[1] + REDRAW_ROWS)
-        self._drawing = (grid, drawn)
-        if drawn[1] == self._rays.count:
-            self.grid, self._drawn, self._drawing = grid, drawn, None
-
-    def _draw_into(self, grid: OccupancyGrid, drawn: tuple[int, int], ray_end: int) -> tuple[int, int]:
-        """Echoes and rays from `drawn` (echoes, rays) on into a grid; returns how far it got."""
-        grid.add_walls(self.wall_points(drawn[0]))
-        rows = self._rays.rows(drawn[1])[: max(ray_end - drawn[1], 0)]
-        here = self.pose
-        grid.add_hull(np.array([(here.x_m, here.y_m)]))
+    def _draw(self) -> None:
+        """Bring the grid up to the newest echoes and rays."""
+        echoes = self._echoes.rows(self._drawn[0])
+        if len(echoes):
+            self.grid.add_walls(*in_map(echoes, self._poses.array))
+        rows = self._rays.rows(self._drawn[1])[:DRAW_ROWS]
         if len(rows):
-            starts, directions = in_map(rows, self._pose_array())
-            grid.add_hull(starts[::5])
-            grid.add_rays(starts, directions, rows[:, 5])
-        return self._echoes.count, drawn[1] + len(rows)
+            starts, directions = in_map(rows, self._poses.array)
+            self.grid.add_rays(starts, directions, rows[:, 5])
+            self.grid.add_hull(starts)
+        self._drawn = self._echoes.count, self._drawn[1] + len(rows)
 
     def _new_key_frame_due(self, pose: Pose2) -> bool:
         if not self._frames or self._odometry.carried or len(self._frames) == self._known:
@@ -196,10 +178,9 @@ class Slam:
 
     def _add_key_frame(self, t_s: float, odom: Pose2) -> None:
         if not self._frames:
-            self._poses.append(np.zeros(3))
+            self._poses.append(Pose2(0.0, 0.0, 0.0))
         else:
-            relative = self._frames[-1].odom.between(odom)
-            self._poses.append(Pose2.from_array(self._poses[-1]).compose(relative).as_array())
+            self._poses.append(self._poses.last.compose(self._frames[-1].odom.between(odom)))
         turned_rad, calibrated_rad = self._odometry.turned_rad, self._odometry.calibrated_rad
         certain = not self._odometry.carried
         if not certain:
@@ -215,7 +196,7 @@ class Slam:
         self._worker.submit(increment, t_s)
 
     def _increment(self, start: tuple[int, int, int], end: tuple[int, int, int], known: bool = False) -> Increment:
-        self._handed = end
+        self._handed, self._submitted = end, end[1:]
         last = self._board
         return Increment(
             tuple(self._frames[start[0] : end[0]]),
@@ -231,22 +212,18 @@ class Slam:
         if known == 0:
             self._begin_back_end_anew()
             return
-        before = self._pose_array()
-        shift = Pose2.from_array(correction.poses[-1]).compose(Pose2.from_array(before[known - 1]).inverse())
-        newer = [shift.compose(Pose2.from_array(p)).as_array() for p in before[known:]]
-        self._poses = [*correction.poses, *newer]
+        self._poses.correct(correction.poses)
         self._odometry.calibrate(*correction.drift)
         self.closures, self._tied_at_m = correction.closures, correction.tied_at_m
         if self._lost and correction.tied_at_m > self._known_way_m:
             self._lost = False
-        moved = self._pose_array()[:, :2] - before[:, :2]
-        if float(np.hypot(moved[:, 0], moved[:, 1]).max()) > REDRAW_M:
-            self._drawing = (OccupancyGrid(), (0, 0))
+        if correction.grid is not None:
+            self.grid, self._drawn = correction.grid, self._submitted
             self.revision += 1
 
     def _restore(self, saved: SavedMap) -> None:
         self._frames = list(saved.frames())
-        self._poses = list(saved.poses)
+        self._poses.correct(saved.poses)
         self._echoes.append(saved.echoes)
         self._rays.append(saved.rays)
         if self._frames:
@@ -259,7 +236,7 @@ class Slam:
         """All that is known becomes a map from before, as it lies now."""
         now = self.pose
         ways_m = np.array([f.way_m for f in self._frames])
-        saved = SavedMap(self.trajectory()[0], self._pose_array(), ways_m, np.zeros((0, 6)), np.zeros((0, 6)))
+        saved = SavedMap(self.trajectory()[0], self._poses.array.copy(), ways_m, np.zeros((0, 6)), np.zeros((0, 6)))
         self._frames = list(saved.frames())
         self._odometry.begin_at(now)
         self._set_known()

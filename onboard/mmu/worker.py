@@ -1,7 +1,7 @@
 """Where the back end runs: beside the steps of the mapping unit, which never waits for it.
 
-`DeferredWorker`: in this process, for lockstep and replay; its answer comes after a fixed time of the messages' clock,
-whatever the machine, so that a run repeats to the bit. `ProcessWorker`: a process of its own at the lowest priority.
+Here a process of its own at the lowest priority; `deferred_worker` has the one for lockstep and replay. This module
+loads nothing of the back end: what it needs lies in the memory of its process only.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ import threading
 from pathlib import Path
 from typing import IO, Protocol
 
-from onboard.mmu.back_end import BackEnd, Correction, Increment
-from onboard.mmu.map_file import MapKeeper
+from onboard.mmu.key_frames import Correction, Increment
 
-LATENCY_S = 0.4
 _LENGTH = struct.Struct("<Q")
 
 _log = logging.getLogger("mmu")
@@ -37,41 +35,6 @@ class Worker(Protocol):
     def collect(self, now_s: float) -> Correction | None: ...
 
     def close(self) -> None: ...
-
-
-class DeferredWorker:
-    """`work` does what is due; whoever drives the steps may call it between them, else `collect` does."""
-
-    def __init__(self, map_file: Path | None = None, latency_s: float = LATENCY_S) -> None:
-        self._back_end = BackEnd()
-        self._keeper = MapKeeper(map_file)
-        self._latency_s = latency_s
-        self._increment: Increment | None = None
-        self._correction: Correction | None = None
-        self._due_s = 0.0
-
-    @property
-    def busy(self) -> bool:
-        return self._increment is not None or self._correction is not None
-
-    def submit(self, increment: Increment, now_s: float) -> None:
-        self._increment, self._due_s = increment, now_s + self._latency_s
-
-    def work(self) -> None:
-        if self._increment is not None:
-            self._correction = self._back_end.take(self._increment)
-            self._keeper.take(self._increment, self._correction)
-            self._increment = None
-
-    def collect(self, now_s: float) -> Correction | None:
-        if not self.busy or now_s < self._due_s:
-            return None
-        self.work()
-        correction, self._correction = self._correction, None
-        return correction
-
-    def close(self) -> None:
-        """Nothing is held open."""
 
 
 class ProcessWorker:

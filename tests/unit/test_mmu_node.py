@@ -37,6 +37,7 @@ from common.messages import (
     Ranges,
     Status,
 )
+from onboard.mmu.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
 
 PERIOD_S = 0.1
@@ -93,7 +94,7 @@ class Bench:
     """A mapping unit on a mesh, and everything that it says."""
 
     mesh: LocalMesh = field(default_factory=LocalMesh)
-    unit: MappingUnit = field(default_factory=MappingUnit)
+    unit: MappingUnit = field(default_factory=lambda: MappingUnit(DeferredWorker()))
     poses: list[PoseEstimate] = field(default_factory=list)
     maps: list[MapUpdate] = field(default_factory=list)
     statuses: list[Status] = field(default_factory=list)

@@ -19,10 +19,10 @@ def at(grid: OccupancyGrid, x_m: float, y_m: float) -> int:
     return int(grid.cells()[int((y_m - origin_y_m) // CELL_M), int((x_m - origin_x_m) // CELL_M)])
 
 
-def wall_at(x_m: float) -> np.ndarray:
-    """Two echoes per cell on a wall across the x axis."""
-    y = np.arange(-0.95, 1.0, CELL_M / 2)
-    return np.stack([np.full_like(y, x_m), y], axis=1)
+def wall_at(x_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """An echo per cell on a wall across the x axis, and their normals."""
+    y = np.arange(-0.95, 1.0, CELL_M)
+    return np.stack([np.full_like(y, x_m), y], axis=1), np.full_like(y, pi)
 
 
 def test_nothing_is_known_at_first() -> None:
@@ -31,7 +31,7 @@ def test_nothing_is_known_at_first() -> None:
 
 def test_a_ray_frees_up_to_its_echo_and_echoes_make_a_wall() -> None:
     grid = OccupancyGrid()
-    grid.add_walls(wall_at(2.05))
+    grid.add_walls(*wall_at(2.05))
     grid.add_rays(START, [0.0], [2.0])
     assert at(grid, 1.0, 0.05) == FREE
     assert at(grid, 2.05, 0.05) == WALL
@@ -40,15 +40,16 @@ def test_a_ray_frees_up_to_its_echo_and_echoes_make_a_wall() -> None:
     assert at(grid, 1.0, 1.0) == UNKNOWN
 
 
-def test_one_stray_echo_is_no_wall() -> None:
+@pytest.mark.parametrize("normal_rad", [0.0, 0.4, pi / 4, 1.2, pi / 2])
+def test_one_stray_echo_is_no_wall(normal_rad: float) -> None:
     grid = OccupancyGrid()
-    grid.add_walls(np.array([[2.05, 0.05]]))
-    assert at(grid, 2.05, 0.05) != WALL
+    grid.add_walls(np.array([[2.05, 0.05]]), np.array([normal_rad]))
+    assert (grid.cells() != WALL).all()
 
 
 def test_a_ray_frees_nothing_behind_a_known_wall() -> None:
     grid = OccupancyGrid()
-    grid.add_walls(wall_at(2.05))
+    grid.add_walls(*wall_at(2.05))
     grid.add_rays(START, [0.0], [4.0])
     assert at(grid, 1.8, 0.05) == FREE
     assert at(grid, 2.05, 0.05) == WALL
@@ -71,7 +72,7 @@ def test_a_range_at_the_minimum_frees_nothing_far(free_m: float) -> None:
 
 def test_where_the_robot_stood_is_no_wall() -> None:
     grid = OccupancyGrid()
-    grid.add_walls(np.repeat(START, 5, axis=0))
+    grid.add_walls(np.repeat(START, 5, axis=0), np.zeros(5))
     grid.add_hull(START)
     for angle in np.arange(0.0, 2 * pi, pi / 4):
         reach_m = HULL_RADIUS_M - CELL_M / 2
@@ -81,9 +82,9 @@ def test_where_the_robot_stood_is_no_wall() -> None:
 @pytest.mark.parametrize("place", [(60.0, 3.0), (-60.0, 3.0), (3.0, 60.0), (-40.0, -40.0)])
 def test_the_grid_grows_and_keeps_what_it_knew(place: tuple[float, float]) -> None:
     grid = OccupancyGrid()
-    grid.add_walls(wall_at(2.05))
+    grid.add_walls(*wall_at(2.05))
     grid.add_rays(START, [0.0], [2.0])
-    grid.add_walls(np.array([place, place]) + 0.05)
+    grid.add_walls(np.array([place, place]) + 0.05, np.zeros(2))
     assert at(grid, place[0] + 0.05, place[1] + 0.05) == WALL
     assert at(grid, 2.05, 0.05) == WALL
     assert at(grid, 1.0, 0.05) == FREE
@@ -92,7 +93,7 @@ def test_the_grid_grows_and_keeps_what_it_knew(place: tuple[float, float]) -> No
 def test_nothing_to_add_changes_nothing() -> None:
     grid = OccupancyGrid()
     none = np.zeros((0, 2))
-    grid.add_walls(none)
+    grid.add_walls(none, np.zeros(0))
     grid.add_hull(none)
     grid.add_rays(none, [], [])
     assert (grid.cells() == UNKNOWN).all()

@@ -1,0 +1,47 @@
+"""The back end in this very process, for lockstep and replay.
+
+Its answer comes after a fixed time of the messages' clock, whatever the machine, so that a run repeats to the bit.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from onboard.mmu.key_frames import Correction, Increment
+from onboard.mmu.rounds import Rounds
+
+LATENCY_S = 0.4
+
+
+class DeferredWorker:
+    """`work` does what is due; whoever drives the steps may call it between them, else `collect` does."""
+
+    def __init__(self, map_file: Path | None = None, latency_s: float = LATENCY_S) -> None:
+        self._rounds = Rounds(map_file)
+        self._latency_s = latency_s
+        self._increment: Increment | None = None
+        self._correction: Correction | None = None
+        self._due_s = 0.0
+
+    @property
+    def busy(self) -> bool:
+        return self._increment is not None or self._correction is not None
+
+    def submit(self, increment: Increment, now_s: float) -> None:
+        self._increment, self._due_s = increment, now_s + self._latency_s
+
+    def work(self) -> None:
+        if self._increment is not None:
+            self._correction = self._rounds.take(self._increment)
+            self._rounds.save()
+            self._increment = None
+
+    def collect(self, now_s: float) -> Correction | None:
+        if not self.busy or now_s < self._due_s:
+            return None
+        self.work()
+        correction, self._correction = self._correction, None
+        return correction
+
+    def close(self) -> None:
+        """Nothing is held open."""

@@ -1,0 +1,69 @@
+"""One round of what happens beside the steps: back end, grid drawn anew when the past moved, map on disk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from common.geometry import FloatArray
+from onboard.mmu.back_end import BackEnd
+from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, in_map
+from onboard.mmu.map_file import SAVE_EVERY_S, SavedMap, try_save
+from onboard.mmu.occupancy import OccupancyGrid
+
+REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and map
+
+
+class Rounds:
+    """Collects what it is given; `map_file` None saves nothing."""
+
+    def __init__(self, map_file: Path | None = None) -> None:
+        self._back_end = BackEnd()
+        self._file = map_file
+        self._frames: list[KeyFrame] = []
+        self._echoes, self._rays = FrameStore(), FrameStore()
+        self._drawn: FloatArray = np.zeros((0, 3))  # poses that the grid was drawn with
+        self._saved = (float("-inf"), 0)  # when, and how many closures there were
+        self._last: tuple[Increment, Correction] | None = None
+
+    def take(self, increment: Increment) -> Correction:
+        """The back end's correction, with a new grid where the old one is too far off."""
+        self._frames.extend(increment.frames)
+        self._echoes.append(increment.echoes)
+        self._rays.append(increment.rays)
+        correction = self._back_end.take(increment)
+        moved = correction.poses[: len(self._drawn), :2] - self._drawn[:, :2]
+        if len(moved) and float(np.hypot(moved[:, 0], moved[:, 1]).max()) > REDRAW_M:
+            correction = replace(correction, grid=self._draw(correction.poses))
+            self._drawn = correction.poses
+        else:
+            self._drawn = np.concatenate([self._drawn, correction.poses[len(self._drawn) :]])
+        self._last = (increment, correction)
+        return correction
+
+    def _draw(self, poses: FloatArray) -> OccupancyGrid:
+        grid = OccupancyGrid()
+        echoes, rays = self._echoes.rows(), self._rays.rows()
+        if len(echoes):
+            grid.add_walls(*in_map(echoes, poses))
+        if len(rays):
+            starts, directions = in_map(rays, poses)
+            grid.add_rays(starts, directions, rays[:, 5])
+            grid.add_hull(starts)
+        return grid
+
+    def save(self) -> None:
+        """The map on disk, at every closure and every 30 s."""
+        if self._file is None or self._last is None or not self._frames:
+            return
+        increment, correction = self._last
+        now_s = self._frames[-1].t_s
+        if correction.closures == self._saved[1] and now_s - self._saved[0] < SAVE_EVERY_S:
+            return
+        self._saved = now_s, correction.closures
+        times_s = np.array([f.t_s for f in self._frames])
+        ways_m = np.array([f.way_m for f in self._frames])
+        rows = self._echoes.rows(), self._rays.rows()
+        try_save(self._file, SavedMap(times_s, correction.poses, ways_m, *rows, increment.last))
