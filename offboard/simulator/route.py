@@ -96,7 +96,8 @@ class Middles:
         reach_m = np.maximum(DRIVEN_SHARE * self.clearance_m[self._open], DRIVEN_M)
         way = [here]
         while True:
-            cost, before = dijkstra(self._graph, directed=False, indices=here, return_predecessors=True)
+            costs, befores = dijkstra(self._graph, directed=False, indices=np.array([here]), return_predecessors=True)
+            cost, before = costs[0], befores[0]
             left &= np.isfinite(cost)
             goal = int(np.where(left, cost, np.inf).argmin()) if left.any() else home
             leg = [goal]
