@@ -22,10 +22,12 @@ from onboard.poi.frame import Image
 DETECTION_SIDE_PX = 480
 CONFIDENT = 0.90
 LEGIBLE = 0.5
-NUMBER_HEIGHT_M = (0.018, 0.11)  # of a line's box, which is higher than its capitals
+NUMBER_HEIGHT_M = (0.018, 0.13)  # of the letters as measured, up to twice their own
+LETTER_HEIGHT = 1.6  # in widths, at most
 SAME_LINE = 0.5  # overlap along y, share of the smaller height
 WORD_GAP = 1.0  # between boxes of one line, in heights
 NEIGHBOUR_GAP = 1.6  # between lines of one sign, in heights of the higher one
+OPEN_GAP = 1.0  # to the border of the picture, in heights: enough to see that there is no neighbour
 SECONDARY = 0.8  # other lines of a plate are lower than this share of its number
 TYPE_LIKENESS = 0.75
 # What OCR takes for one another: where the format wants a digit, and only there
@@ -51,6 +53,11 @@ class TextLine:
     @property
     def bottom_px(self) -> float:
         return self.y_px + self.height_px
+
+    @property
+    def letter_px(self) -> float:
+        """Height of its letters: the box may reach as far as the rim of the plate, and letters are not so narrow."""
+        return min(self.height_px, LETTER_HEIGHT * self.width_px / max(len(self.text), 1))
 
 
 class Verdict(Enum):
@@ -160,11 +167,11 @@ class SignRules:
             vague = not numbers and len(lines) <= 2 and not _is_prose(lines) and bool(types or _digits(lines))
             return replace(reading, verdict=Verdict.UNCLEAR if vague else Verdict.OTHER)
         line, number = numbers[0]
-        sized = m_per_px is None or NUMBER_HEIGHT_M[0] <= line.height_px * m_per_px <= NUMBER_HEIGHT_M[1]
+        sized = m_per_px is None or NUMBER_HEIGHT_M[0] <= line.letter_px * m_per_px <= NUMBER_HEIGHT_M[1]
         if not sized or any(other.height_px > SECONDARY * line.height_px for other in others):
             return reading
         # A neighbouring line may hide behind the picture's border
-        reach_px = NEIGHBOUR_GAP * line.height_px
+        reach_px = OPEN_GAP * line.letter_px
         cut = image_height_px is not None and (y0 < reach_px or y1 > image_height_px - reach_px)
         if cut or line.confidence < CONFIDENT:
             return replace(reading, verdict=Verdict.UNCLEAR)

@@ -12,8 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.config import PoiSection
+from common.geometry import Pose2
 from offboard.simulator.floor import Plate
 from offboard.simulator.sign_textures import draw_plate
+from onboard.poi.camera_model import CameraModel
+from onboard.poi.frame import Frame
+from onboard.poi.reading_worker import Job, read
+from onboard.poi.sign_detection import Box
+from onboard.poi.sign_placement import WallLine
 from onboard.poi.sign_reading import SignReader, SignRules, TextLine, Verdict, joined_lines, signs
 from tests.unit.poi_scenes import SIDES, floor_with_door, full_frame
 
@@ -24,7 +30,7 @@ M_PER_PX = 1 / 840
 def lines(*texts: str, confidence: float = 0.99, height_px: float = 40.0) -> list[TextLine]:
     """Lines of one height, one below the other, in the middle of a picture 600 pixels high."""
     return [
-        TextLine(text, confidence, 100.0, 200.0 + 1.8 * i * height_px, 25.0 * len(text), height_px)
+        TextLine(text, confidence, 100.0, 200.0 + 1.8 * i * height_px, 0.625 * height_px * len(text), height_px)
         for i, text in enumerate(texts)
     ]
 
@@ -139,3 +145,25 @@ def on_wall(plate: Plate, number: str, room_type: str) -> Any:
     """The plate's picture with some wall around it, in the order of colours that OpenCV takes."""
     image = np.asarray(draw_plate(plate, number, room_type))[..., ::-1]
     return cv2.copyMakeBorder(image, 80, 80, 80, 80, cv2.BORDER_CONSTANT, value=(220, 226, 230))
+
+
+@pytest.mark.parametrize("distance_m", [0.7, 1.0, 1.3])
+def test_large_number_alone_on_its_plate_is_read_from_near_and_far(reader: SignReader, distance_m: float) -> None:
+    floor = floor_with_door("south", number="217", room_type="")
+    floor["doors"][0]["plate"]["number_height_m"] = 0.05
+    floor["starts"][0]["y_m"] = distance_m
+    camera, frame = CameraModel(1280, 960), Frame(0.0, full_frame(floor))
+    candidate = Box(600.0, 400.0, 80.0, 40.0)
+    job = Job(frame, Pose2(0.0, 0.0, 0.0), WallLine(distance_m, 0.0), candidate)
+    assert [f.reading.number for f in read(job, reader, RULES, camera).findings] == ["217"]
+
+
+@pytest.mark.parametrize("text", ["Open day 2019", "Call 905 525 9140", "Rooms 101-140 upstairs"])
+@pytest.mark.parametrize("distance_m", [0.7, 1.0, 1.4])
+def test_drawn_poster_is_never_taken(reader: SignReader, text: str, distance_m: float) -> None:
+    floor = floor_with_door("south", poster=text)
+    floor["starts"][0]["y_m"] = distance_m
+    camera, frame = CameraModel(1280, 960), Frame(0.0, full_frame(floor))
+    job = Job(frame, Pose2(0.0, 0.0, 0.0), WallLine(distance_m, 0.0), Box(600.0, 400.0, 80.0, 40.0))
+    readings = [f.reading for f in read(job, reader, RULES, camera).findings]
+    assert all(reading.verdict is not Verdict.PLATE for reading in readings)
