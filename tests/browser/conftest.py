@@ -26,7 +26,8 @@ if os.geteuid() == 0:
     FLAGS.append("--no-sandbox")
 
 
-@pytest.fixture(scope="session")
+# Not for the session: its event loop runs in the main thread, where the terminal's tests need none
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     if CHROMIUM is None:
         pytest.skip("no Chromium: sudo apt-get install -y chromium")
