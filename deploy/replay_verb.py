@@ -52,7 +52,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     sys.stdout.write(
         f"{len(run.times_s)} frames, {len(log.bearings_rad)} beams, {travel_m:.0f} m of odometry, "
         f"{run.closures} closures, {len(run.points)} map points\n"
-        f"step mean {step_ms.mean():.3f} ms, p99.9 {np.percentile(step_ms, 99.9):.2f} ms, max {step_ms.max():.2f} ms; "
+        f"processor time of a step: mean {step_ms.mean():.3f} ms, p99.9 {np.percentile(step_ms, 99.9):.2f} ms, "
+        f"max {step_ms.max():.2f} ms; "
         f"beside it mean {run.work_s.mean() * 1e3:.2f} ms, max {run.work_s.max() * 1e3:.0f} ms\n"
         f"folder {arguments.out}\n"
     )

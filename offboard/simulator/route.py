@@ -11,7 +11,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_matrix
+from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from common.bus import Bus, alive_and_valid
@@ -61,7 +61,7 @@ class Middles:
         self._places = np.argwhere(self._open)[:, ::-1] * CELL_M + self._low
         self._graph = self._joined()
 
-    def _joined(self) -> coo_matrix:
+    def _joined(self) -> csr_matrix:
         """Neighbouring cells joined at the price of the way between them."""
         price = 1.0 + MIDDLE_WEIGHT * np.exp(-self.clearance_m / 0.4)
         first, second, cost = [], [], []
@@ -74,7 +74,7 @@ class Middles:
             second.append(self._node[there][both])
             cost.append(((price[here] + price[there]) / 2)[both] * CELL_M * float(np.hypot(dx, dy)))
         edges = np.concatenate(first), np.concatenate(second)
-        return coo_matrix((np.concatenate(cost), edges), shape=(len(self._places),) * 2)
+        return csr_matrix((np.concatenate(cost), edges), shape=(len(self._places),) * 2)
 
     def _ridge(self) -> Mask:
         """Open cells that lie further from the walls than their neighbours on both sides, along some line."""
@@ -96,7 +96,7 @@ class Middles:
         reach_m = np.maximum(DRIVEN_SHARE * self.clearance_m[self._open], DRIVEN_M)
         way = [here]
         while True:
-            costs, befores = dijkstra(self._graph, directed=False, indices=np.array([here]), return_predecessors=True)
+            costs, befores = dijkstra(self._graph, directed=False, indices=[here], return_predecessors=True)
             cost, before = costs[0], befores[0]
             left &= np.isfinite(cost)
             goal = int(np.where(left, cost, np.inf).argmin()) if left.any() else home

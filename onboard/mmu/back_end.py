@@ -1,7 +1,7 @@
 """The back end: key frames and echoes in, corrected poses of all of them out. Runs beside the mapping unit's steps.
 
 1. Odometry joins the key frames in the pose graph.
-2. Near ties: the newest stretch is registered onto the one before it.
+2. Near ties, where no gyro leads the heading: the newest stretch is registered onto the one before it.
 3. Walls: a straight piece that continues an earlier one ties their key frames in heading and offset; where the
    building's walls stand at right angles, a piece that nearly does too pulls the heading, softly.
 4. Loops: what was driven lately is matched against what was driven here before.
@@ -62,6 +62,7 @@ ADOPTED_CHI2 = 12.0  # a closure that the graph at rest pulls at more was not be
 KNOWN = np.diag([0.01**-2, 0.01**-2, radians(0.1) ** -2])  # between key frames of a map from before
 CARRIED = np.diag([2.0**-2, 2.0**-2, radians(30.0) ** -2])
 CARRIED_M = 200.0  # of way without a closure: how widely a robot that may have been carried is looked for
+STRETCH_M = 10.0  # of travel with one drift per metre
 STRAIN_MAX = 0.5  # a new tie that pulls less (chi squared) can wait
 
 
@@ -92,14 +93,17 @@ class OdometryErrors:
         )
 
 
-GYRO_LED = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), 0.01))
-WHEELS_ALONE = OdometryErrors(radians(0.25), 0.01, DriftPrior(radians(2.0), 0.03), 0.05, 0.006)
+# A cheap gyro's bias wanders by 0.016 deg/s a minute: at walking pace of this robot 0.1 deg/m
+GYRO_LED = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.2), radians(0.1), 0.01))
+UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01))
+WHEELS_ALONE = OdometryErrors(radians(0.25), 0.01, DriftPrior(radians(2.0), radians(0.03), 0.03), 0.05, 0.006)
 
 
 @dataclass(slots=True)
 class BackEnd:
+    gyro_led: bool = True  # false: it is not known, and found out from the walls
     closures: int = 0
-    _errors: OdometryErrors = GYRO_LED
+    _errors: OdometryErrors = field(init=False)
     _bends: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # rad/m, weight
     _near: deque[Edge] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # ties not made
     _graph: PoseGraph = field(init=False)
@@ -113,6 +117,7 @@ class BackEnd:
     _tied_m: float = 0.0
 
     def __post_init__(self) -> None:
+        self._errors = GYRO_LED if self.gyro_led else UNKNOWN
         self._graph = PoseGraph(self._errors.drift)
 
     def take(self, increment: Increment) -> Correction:
@@ -125,7 +130,7 @@ class BackEnd:
         elif self._frames:
             self._tie()
         drift = self._graph.drift
-        return Correction(self._graph.poses, (float(drift[0]), float(drift[1])), self.closures, self._tied_m)
+        return Correction(self._graph.poses, (float(drift[-1]), float(drift[0])), self.closures, self._tied_m)
 
     def _add_frame(self, frame: KeyFrame, known: bool) -> None:
         self._ways_m.append(frame.way_m)
@@ -138,14 +143,16 @@ class BackEnd:
         added_rad = frame.calibrated_rad - last.calibrated_rad
         raw = _bent(relative, -added_rad)
         travel_m, turn_rad = frame.travel_m - last.travel_m, frame.turned_rad - last.turned_rad
+        stretch = int(frame.travel_m / STRETCH_M)
+        self._graph.begin_stretch(stretch)
         drift = self._graph.drift
-        bend_rad = float(drift[0]) * travel_m + float(drift[1]) * turn_rad
+        bend_rad = float(drift[-1]) * travel_m + float(drift[0]) * turn_rad
         node = self._graph.add_node(self._graph.pose(len(self._frames) - 1).compose(_bent(raw, bend_rad)))
         information = KNOWN if known else self._errors.information(travel_m, turn_rad)
         if not frame.certain:
             information = CARRIED
             self._tied_m = frame.way_m - CARRIED_M
-        self._graph.edges.append(Edge(node - 1, node, raw, information, Kind.ODOMETRY, travel_m, turn_rad))
+        self._graph.edges.append(Edge(node - 1, node, raw, information, Kind.ODOMETRY, travel_m, turn_rad, stretch))
         self._frames.append(frame)
 
     @property
@@ -154,9 +161,10 @@ class BackEnd:
 
     def _tie(self) -> None:
         """Look for ties of the recent stretch to what is known, and let the graph come to rest."""
-        before = len(self._graph.edges)
-        self._tie_near()
-        self._rest(before)
+        if not self.gyro_led:
+            before = len(self._graph.edges)
+            self._tie_near()
+            self._rest(before)
         if self._way_m - self._matched_m < MATCH_EVERY_M:
             return
         self._matched_m = self._way_m
@@ -191,7 +199,7 @@ class BackEnd:
         self._bends.append(
             (match.correction.heading_rad / gap_m, gap_m**2 / (1.0 / match.information[2, 2] + BEND_SD_RAD**2))
         )
-        if self._errors is GYRO_LED and _significance(self._bends) > BEND_SIGMAS:
+        if self._errors is not WHEELS_ALONE and _significance(self._bends) > BEND_SIGMAS:
             self._distrust_odometry()
         self._near.append(self._tie_of(anchor, node, match, poses, Kind.NEAR, NEAR_SD_M, NEAR_SD_RAD))
         if self._errors is WHEELS_ALONE:

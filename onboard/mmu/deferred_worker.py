@@ -16,8 +16,8 @@ LATENCY_S = 0.4
 class DeferredWorker:
     """`work` does what is due; whoever drives the steps may call it between them, else `collect` does."""
 
-    def __init__(self, map_file: Path | None = None, latency_s: float = LATENCY_S) -> None:
-        self._rounds = Rounds(map_file)
+    def __init__(self, map_file: Path | None = None, latency_s: float = LATENCY_S, gyro_led: bool = True) -> None:
+        self._rounds = Rounds(map_file, gyro_led)
         self._latency_s = latency_s
         self._increment: Increment | None = None
         self._correction: Correction | None = None

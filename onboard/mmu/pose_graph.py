@@ -1,18 +1,18 @@
 """Pose graph: key frames joined by what odometry and matches say of their relative poses.
 
-Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's two slow errors: how much it turns away per
-metre and per radian turned. Ties to walls carry robust weights (dynamic covariance scaling, Agarwal et al. 2013), so
-that a wrong one loses its pull instead of bending the map. Node 0 is held.
+Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's slow errors: how much it turns away per
+radian turned, and per metre, which wanders (a gyro's bias does) and so has a value for every few metres. Ties to walls
+carry robust weights (dynamic covariance scaling, Agarwal et al. 2013), so that a wrong one loses its pull instead of
+bending the map, and gets it back should the graph come to agree with it. Node 0 is held.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from math import radians
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import block_diag, coo_matrix, identity
 from scipy.sparse.linalg import splu
 
 from common.geometry import FloatArray, Pose2, wrap_angles
@@ -47,23 +47,25 @@ class Edge:
     kind: Kind
     way_m: float = 0.0
     turn_rad: float = 0.0
+    stretch: int = 0  # which of the values per metre holds here
 
 
 @dataclass(frozen=True, slots=True)
 class DriftPrior:
     """How far the odometry's slow errors may reach, as standard deviations."""
 
-    rad_per_m: float = radians(0.1)
-    rad_per_rad: float = 0.01
+    rad_per_m: float
+    rad_per_m_step: float  # from one stretch to the next
+    rad_per_rad: float
 
 
 @dataclass(slots=True)
 class PoseGraph:
-    """`poses` (K, 3) are the best estimates in the map, `drift` (2,) those of the slow errors."""
+    """`poses` (K, 3) are the best estimates in the map, `drift` (1 + stretches,) those of the slow errors."""
 
-    prior: DriftPrior = field(default_factory=DriftPrior)
+    prior: DriftPrior
     edges: list[Edge] = field(default_factory=list)
-    drift: FloatArray = field(default_factory=lambda: np.zeros(2))
+    drift: FloatArray = field(default_factory=lambda: np.zeros(2))  # per radian, then per metre of each stretch
     _poses: list[FloatArray] = field(default_factory=list)
 
     def add_node(self, pose: Pose2) -> int:
@@ -72,6 +74,11 @@ class PoseGraph:
 
     def __len__(self) -> int:
         return len(self._poses)
+
+    def begin_stretch(self, stretch: int) -> None:
+        """The value per metre goes on from the one before, until the walls say otherwise."""
+        while len(self.drift) < stretch + 2:
+            self.drift = np.append(self.drift, self.drift[-1])
 
     @property
     def poses(self) -> FloatArray:
@@ -95,7 +102,7 @@ class PoseGraph:
             return 0.0
         before = self.poses
         poses, drift = before.copy(), self.drift.copy()
-        system = _System(self.edges, len(poses), self.prior)
+        system = _System(self.edges, len(poses), len(drift), self.prior)
         # Graduated non-convexity (Yang et al. 2020): first everything pulls, then what stays strained lets go
         phi = max(self.strain(0), DCS_PHI)
         for _ in range(ITERATIONS):
@@ -113,18 +120,24 @@ class PoseGraph:
 class _System:
     """The edges as arrays, and one Gauss-Newton step on them."""
 
-    def __init__(self, edges: list[Edge], nodes: int, prior: DriftPrior) -> None:
+    def __init__(self, edges: list[Edge], nodes: int, drifts: int, prior: DriftPrior) -> None:
         self.first = np.array([e.first for e in edges])
         self.second = np.array([e.second for e in edges])
         self.measured = np.array([e.relative.as_array() for e in edges])
         self.information = np.array([e.information for e in edges])
         self.kind = np.array([e.kind.value for e in edges])
-        self.driven = np.array([(e.way_m, e.turn_rad) for e in edges])
+        self.driven = np.array([(e.turn_rad, e.way_m) for e in edges])
+        self.stretch = np.array([e.stretch for e in edges])
         self.size = 3 * nodes
-        self.prior = np.array([prior.rad_per_m**-2, prior.rad_per_rad**-2])
+        self.drifts = drifts
+        self.prior = np.zeros((drifts, drifts))
+        self.prior[0, 0], self.prior[1, 1] = prior.rad_per_rad**-2, prior.rad_per_m**-2
+        step = np.array([[1.0, -1.0], [-1.0, 1.0]]) * prior.rad_per_m_step**-2
+        for i in range(1, drifts - 1):
+            self.prior[i : i + 2, i : i + 2] += step
 
     def step(self, poses: FloatArray, drift: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
-        """Moves of all poses (K, 3) and of the drift (2,)."""
+        """Moves of all poses (K, 3) and of the drift."""
         error, ja, jb, jd = self._linearise(poses, drift)
         chi2 = np.einsum("ei,eij,ej->e", error, self.information, error)
         weighted = self.information * self._trust(chi2, phi)[:, None, None]
@@ -134,30 +147,32 @@ class _System:
             [
                 3 * self.first[:, None] + np.arange(3),
                 3 * self.second[:, None] + np.arange(3),
-                np.broadcast_to(self.size + np.arange(2), (n, 2)),
+                np.column_stack([np.full(n, self.size), self.size + 1 + self.stretch]),
             ],
             axis=1,
         )
         jacobian = np.concatenate([ja, jb, jd], axis=2)
         left = np.einsum("eki,ekl->eil", jacobian, weighted)
         pull = np.einsum("eil,el->ei", left, error).ravel()
-        gradient = np.zeros(self.size + 2) + np.bincount(columns.ravel(), pull, minlength=self.size + 2)
+        gradient = np.zeros(self.size + self.drifts) + np.bincount(
+            columns.ravel(), pull, minlength=self.size + self.drifts
+        )
         blocks = np.einsum("eil,elj->eij", left, jacobian)
         rows = np.broadcast_to(columns[:, :, None], blocks.shape)
         across = np.broadcast_to(columns[:, None, :], blocks.shape)
-        size = self.size + 2
+        size = self.size + self.drifts
         hessian = coo_matrix((blocks.ravel(), (rows.ravel(), across.ravel())), shape=(size, size)).tocsc()
-        hessian = hessian + _diagonal(np.concatenate([np.full(self.size, 1e-6), self.prior]))
-        gradient[-2:] += self.prior * drift
+        hessian = hessian + block_diag([identity(self.size) * 1e-6, self.prior], format="csc")
+        gradient[self.size :] += self.prior @ drift
         solution = np.zeros(size)
         solution[3:] = splu(hessian[3:, 3:]).solve(-gradient[3:])
-        return solution[:-2].reshape(-1, 3), solution[-2:]
+        return solution[: self.size].reshape(-1, 3), solution[self.size :]
 
     def _linearise(self, poses: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         a, b = poses[self.first], poses[self.second]
         c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
         dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
-        bent = self.driven @ drift
+        bent = self.driven[:, 0] * drift[0] + self.driven[:, 1] * drift[1 + self.stretch]
         expected = _bent(self.measured, bent)
         error = np.stack([c * dx + s * dy, -s * dx + c * dy, b[:, 2] - a[:, 2]], axis=1) - expected
         error[:, 2] = wrap_angles(error[:, 2])
@@ -188,8 +203,3 @@ def _bent(relative: FloatArray, bend_rad: FloatArray) -> FloatArray:
     c, s = np.cos(bend_rad / 2), np.sin(bend_rad / 2)
     x, y = relative[:, 0], relative[:, 1]
     return np.stack([c * x - s * y, s * x + c * y, relative[:, 2] + bend_rad], axis=1)
-
-
-def _diagonal(values: FloatArray) -> csc_matrix:
-    index = np.arange(len(values))
-    return csc_matrix((values, (index, index)), shape=(len(values), len(values)))

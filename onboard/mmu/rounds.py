@@ -19,8 +19,8 @@ REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and m
 class Rounds:
     """Collects what it is given; `map_file` None saves nothing."""
 
-    def __init__(self, map_file: Path | None = None) -> None:
-        self._back_end = BackEnd()
+    def __init__(self, map_file: Path | None = None, gyro_led: bool = True) -> None:
+        self._back_end = BackEnd(gyro_led)
         self._file = map_file
         self._frames: list[KeyFrame] = []
         self._echoes, self._rays = FrameStore(), FrameStore()

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 
 from common.geometry import FloatArray, Pose2, wrap_angle
-from onboard.mmu.pose_graph import Edge, Kind, PoseGraph
+from onboard.mmu.pose_graph import DriftPrior, Edge, Kind, PoseGraph
 
 STEP_M = 0.4
 SIDE = 12  # steps per side of the square
 ODOMETRY = np.diag([0.02**-2, 0.02**-2, radians(1.0) ** -2])
+PRIOR = DriftPrior(radians(0.1), radians(0.05), 0.01)
 CLOSURE = np.diag([0.07**-2, 0.07**-2, radians(0.6) ** -2])
 DRIFT_RAD = radians(0.25)  # per step: 12 degrees round the square
 
 
 def square(drift_rad: float = DRIFT_RAD) -> tuple[PoseGraph, list[Pose2]]:
     """The graph of one round with a heading that drifts, and the true poses."""
-    graph, truth = PoseGraph(), [Pose2(0.0, 0.0, 0.0)]
+    graph, truth = PoseGraph(PRIOR), [Pose2(0.0, 0.0, 0.0)]
     graph.add_node(truth[0])
     for i in range(4 * SIDE):
         step = Pose2(STEP_M, 0.0, pi / 2 if i % SIDE == SIDE - 1 else 0.0)
@@ -106,7 +107,7 @@ def test_a_tie_that_knows_one_direction_only_does_not_make_the_graph_singular() 
 
 @pytest.mark.parametrize("nodes", [0, 1, 2])
 def test_a_graph_without_edges_is_at_rest(nodes: int) -> None:
-    graph = PoseGraph()
+    graph = PoseGraph(PRIOR)
     for i in range(nodes):
         graph.add_node(Pose2(float(i), 0.0, 0.0))
     assert graph.optimise() == 0.0

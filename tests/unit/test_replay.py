@@ -92,7 +92,7 @@ def test_wheels_that_turn_away_are_found_out_by_the_walls(tmp_path: Path, capsys
     path_m, map_m = replayed(written(tmp_path / "log.csv", drift_rad_per_m=radians(2.0)), tmp_path / "out")
     assert path_m < 0.5
     assert map_m < 0.2
-    assert "step mean" in capsys.readouterr().out
+    assert "step: mean" in capsys.readouterr().out
 
 
 def changed(path: Path, line: int, text: str | None, old: str = "", new: str = "") -> Path:
