@@ -27,15 +27,32 @@ def resident_memory_kb() -> int:
         return 0
 
 
+class StatusPace:
+    """When the next status is due: STATUS_RATE_HZ on the average, however unevenly it is asked."""
+
+    def __init__(self) -> None:
+        self._due_s = float("-inf")
+
+    def due(self, now_s: float, urgent: bool = False) -> bool:
+        """Now? What is urgent is always due."""
+        if not urgent and now_s < self._due_s - _EARLY_S:
+            return False
+        period_s = 1.0 / STATUS_RATE_HZ
+        on_time = not urgent and now_s - self._due_s < period_s
+        self._due_s = (self._due_s if on_time else now_s) + period_s
+        return True
+
+
 class StatusReporter:
-    """Counts the passes of a node's loop and publishes its status at STATUS_RATE_HZ, and at once when it changes."""
+    """Counts the passes of a node's loop and publishes its status, at once when error or readiness change."""
 
     def __init__(self, module: str) -> None:
         self._topic = STATUS[module]
         self._log = logging.getLogger(module)
         self._beats = 0
-        self._due_s = float("-inf")
-        self._last: tuple[str, ErrorCode, bool] | None = None
+        self._pace = StatusPace()
+        self._last: tuple[str, ErrorCode, bool] | None = None  # as published
+        self._told: tuple[str, ErrorCode, bool] | None = None  # as logged
 
     def report(
         self,
@@ -51,16 +68,15 @@ class StatusReporter:
         """To be called in every step; `memory_kb` where it is not this process's own (SIM and Carrier: free SRAM)."""
         self._beats += 1
         current = (state, error, ready)
-        changed = current != self._last
-        if not changed and now_s < self._due_s - _EARLY_S:
-            return
-        if changed:
+        # Others act on error and readiness; a mere change of state can wait for its turn, or the rate would not hold
+        urgent = self._last is None or current[1:] != self._last[1:]
+        if current != self._told:
+            self._told = current
             self._log.info("state=%s error=%s ready=%s %s", state, error.name, ready, detail)
+        if not self._pace.due(now_s, urgent):
+            return
         if memory_kb is None:
             # Nodes in lockstep share one process: none has memory of its own, and a run must repeat to the bit
             memory_kb = 0 if isinstance(bus, LocalBus) else resident_memory_kb()
-        period_s = 1.0 / STATUS_RATE_HZ
-        on_time = not changed and now_s - self._due_s < period_s
-        self._due_s = (self._due_s if on_time else now_s) + period_s
         self._last = current
         bus.publish(self._topic, Status(now_s, state, int(error), memory_kb, ready, self._beats, detail))

@@ -15,10 +15,10 @@ from enum import Enum
 
 from common.bus import Bus
 from common.config import Config
-from common.constants import HEARTBEAT_PERIOD_S, STATUS_RATE_HZ
+from common.constants import HEARTBEAT_PERIOD_S
 from common.errors import ErrorCode
 from common.messages import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP, DriveCommand, Speed
-from common.status import StatusReporter
+from common.status import StatusPace, StatusReporter
 from onboard.bridge import protocol, translation
 from onboard.bridge.board_clock import BoardClock
 from onboard.bridge.line_protocol import LineDecoder, Received, encode
@@ -102,7 +102,7 @@ class Bridge:
         self._beats = {"sim": 0, "car": 0}
         self._told: dict[str, tuple[str, int]] = {}
         # A little less than the period: the board's own beat decides, not the jitter of the line
-        self._car_status = _Pace(0.9 / STATUS_RATE_HZ)
+        self._car_pace, self._car_error = StatusPace(), 0
         self._drive: DriveCommand | None = None
         self._dropped_id: int | None = None
         self._heartbeat = _Pace(HEARTBEAT_PERIOD_S)
@@ -262,20 +262,19 @@ class Bridge:
                 self._gate.board_latched(message.stop_latched)
                 bus.publish(CARRIER, translation.carrier_report(message, t_s))
                 # The Carrier reports every new drive command too, which is no news of its state
-                changed = self._tell("car", CarState(message.state).name, message.error)
-                if changed or self._car_status.due(t_s):
+                self._tell("car", CarState(message.state).name, message.error)
+                urgent, self._car_error = message.error != self._car_error, message.error
+                if self._car_pace.due(t_s, urgent):
                     free_ram = self._sim.free_ram if self._sim is not None else 0
                     bus.publish(STATUS["car"], translation.car_status(message, t_s, self._beats["car"], free_ram))
             case Ack(of, _, result) if of == protocol.NUMBER[Rel] and result == AckResult.REFUSED:
                 self._gate.release_refused()
 
-    def _tell(self, module: str, state: str, error: int) -> bool:
-        """Log what is new; False where nothing is."""
-        if self._told.get(module) == (state, error):
-            return False
-        self._told[module] = (state, error)
-        _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)
-        return True
+    def _tell(self, module: str, state: str, error: int) -> None:
+        """Log what is new."""
+        if self._told.get(module) != (state, error):
+            self._told[module] = (state, error)
+            _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)
 
     # --- to the board
 

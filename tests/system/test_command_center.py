@@ -61,7 +61,7 @@ class Center:
 @pytest.fixture
 def local(tmp_path: Path) -> Iterator[Config]:
     """The configuration of a headless run whose mission has started."""
-    arguments = ["local", "--floor", "straight", "--headless", "--out", str(tmp_path / "run")]
+    arguments = ["local", "--floor", "straight", "--camera", "realistic", "--headless", "--out", str(tmp_path / "run")]
     with subprocess.Popen(
         [sys.executable, "-m", "deploy.cli", *arguments], env=environment(), cwd=ROOT, stdout=subprocess.PIPE, text=True
     ) as process:
@@ -93,7 +93,7 @@ def statuses(bus: ZenohBus, modules: set[str]) -> dict[str, list[Status]]:
 
 @pytest.mark.requirement("CC_MR_01", "CC_MR_02", "CC_MR_03", "CC_MR_04")
 def test_it_shows_every_module_stops_the_robot_and_fills_itself_again_after_a_restart(local: Config) -> None:
-    modules = {"sim", "car", "bridge", "mmu", "planner", "comm", "recorder", "command_center"}
+    modules = set(STATUS)
     center = Center(local)
     watcher = ZenohBus("watcher", local, FreeClock())
     try:
