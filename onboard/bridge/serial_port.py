@@ -21,7 +21,7 @@ class Port(Protocol):
     def write(self, data: bytes) -> None: ...
 
 
-_WRITE_TIMEOUT_S = 0.05
+_WRITE_TIMEOUT_S = 0.2  # shorter than the firmware waits for a heartbeat; a busy machine may need some of it
 
 
 class SerialPort:
