@@ -53,7 +53,7 @@ def read_until(port: int, complete: Callable[[dict[str, Any]], bool], say: Calla
     while time.monotonic() < end_s:
         say()
         try:
-            page = connect(f"ws://127.0.0.1:{port}/live", open_timeout=2)
+            page = connect(f"ws://127.0.0.1:{port}/live", open_timeout=2, close_timeout=0.2)
         except OSError:
             time.sleep(0.05)
             continue
