@@ -406,9 +406,6 @@ void avr_board_run(AvrBoard* b, uint64_t until_us, int left, int right) {
   look(b);
 }
 
-// 0: the processor has come to an end it cannot leave
-int avr_board_alive(const AvrBoard* b) { return b->avr->state != cpu_Done && b->avr->state != cpu_Crashed; }
-
 void avr_board_imu(AvrBoard* b, int ax, int ay, int az, int gx, int gy, int gz) {
   const int values[7] = {ax, ay, az, 0, gx, gy, gz};
   if (!b->imu_answers) imu_power_on(b);

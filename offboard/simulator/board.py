@@ -11,10 +11,11 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from common.constants import SONAR_COUNT
 
@@ -24,7 +25,8 @@ HOST = ROOT / "arduino" / "host"
 LIBRARY = ROOT / "build" / "libfirmware.so"
 FLAGS = ("-O2", "-Wall", "-Wextra", "-Werror", "-std=c++11", "-fPIC", "-shared")
 
-_TX_BYTES = 65536
+TX_BYTES = 65536
+_FIRED_BY_MASK = tuple(tuple(i for i in range(SONAR_COUNT) if mask >> i & 1) for mask in range(1 << SONAR_COUNT))
 
 
 class FirmwareBuildError(RuntimeError):
@@ -75,99 +77,77 @@ class Board(Protocol):
         """Start the firmware anew, its clock at 0."""
 
 
+def compile_library(library: Path, inputs: Sequence[Path], arguments: Sequence[str], complaint: str) -> Path:
+    """A shared library by g++, made anew when an input is newer; raises FirmwareBuildError with the complaint."""
+    if library.exists() and library.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
+        return library
+    compiler = shutil.which("g++")
+    if compiler is None:
+        raise FirmwareBuildError("g++ is needed to build the firmware for the simulation: install it (apt install g++)")
+    library.parent.mkdir(exist_ok=True)
+    handle, temporary = tempfile.mkstemp(suffix=".so", dir=library.parent)
+    os.close(handle)
+    try:
+        command = [compiler, "-o", temporary, *arguments]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        if result.returncode:
+            raise FirmwareBuildError(f"{complaint}:\n{result.stderr.strip()}")
+        # In one step: several processes may build at the same time
+        os.replace(temporary, library)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+    return library
+
+
 def build_firmware() -> Path:
     """The shared library of the firmware core, compiled when a source is newer; raises FirmwareBuildError."""
     sources = [*sorted((SKETCH / "src" / "core").glob("*.cpp")), HOST / "host_board.cpp"]
     inputs = sources + sorted((SKETCH / "src").rglob("*.h")) + sorted(HOST.glob("*.h"))
-    if LIBRARY.exists() and LIBRARY.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
-        return LIBRARY
-    compiler = shutil.which("g++")
-    if compiler is None:
-        raise FirmwareBuildError("g++ is needed to build the firmware for the simulation: install it (apt install g++)")
-    LIBRARY.parent.mkdir(exist_ok=True)
-    handle, temporary = tempfile.mkstemp(suffix=".so", dir=LIBRARY.parent)
-    os.close(handle)
-    try:
-        command = [compiler, *FLAGS, "-o", temporary, *map(str, sources)]
-        result = subprocess.run(command, capture_output=True, text=True, check=False)
-        if result.returncode:
-            raise FirmwareBuildError(f"the firmware does not compile for this machine:\n{result.stderr.strip()}")
-        # In one step: several processes may build at the same time
-        os.replace(temporary, LIBRARY)
-    finally:
-        Path(temporary).unlink(missing_ok=True)
-    return LIBRARY
+    arguments = [*FLAGS, *map(str, sources)]
+    return compile_library(LIBRARY, inputs, arguments, "the firmware does not compile for this machine")
 
 
-class _Outputs(ctypes.Structure):
-    pwm_left: int
-    pwm_right: int
-    enabled: int
-    fired: int
-    tx_length: int
-    _fields_ = (
-        ("pwm_left", ctypes.c_int32),
-        ("pwm_right", ctypes.c_int32),
-        ("enabled", ctypes.c_int32),
-        ("fired", ctypes.c_uint32),
-        ("tx_length", ctypes.c_uint32),
-        ("tx", ctypes.c_char * _TX_BYTES),
-    )
-
-
-@cache
-def _library() -> ctypes.CDLL:
-    library = ctypes.CDLL(str(build_firmware()))
+def bind_board(library: ctypes.CDLL, prefix: str, outputs: type[ctypes.Structure]) -> None:
+    """Tells ctypes the types of the functions that every board's library has, named `<prefix>_...`."""
     pointer, number = ctypes.c_void_p, ctypes.c_int
-    library.fw_new.argtypes, library.fw_new.restype = [number, number], pointer
-    library.fw_free.argtypes, library.fw_free.restype = [pointer], None
-    library.fw_outputs.argtypes, library.fw_outputs.restype = [pointer], ctypes.POINTER(_Outputs)
-    library.fw_run.argtypes, library.fw_run.restype = [pointer, ctypes.c_uint64, number, number], None
-    library.fw_imu.argtypes, library.fw_imu.restype = [pointer, *[number] * 6], None
-    library.fw_imu_unplug.argtypes, library.fw_imu_unplug.restype = [pointer], None
-    library.fw_echo.argtypes, library.fw_echo.restype = [pointer, number, number], None
-    library.fw_inputs.argtypes, library.fw_inputs.restype = [pointer, *[number] * 5], None
-    library.fw_serial_write.argtypes = [pointer, ctypes.c_char_p, number]
-    library.fw_next_state.argtypes, library.fw_next_state.restype = [number, number], number
-    return library
+    signatures: dict[str, tuple[list[Any], Any]] = {
+        "free": ([pointer], None),
+        "outputs": ([pointer], ctypes.POINTER(outputs)),
+        "run": ([pointer, ctypes.c_uint64, number, number], None),
+        "imu": ([pointer, *[number] * 6], None),
+        "imu_unplug": ([pointer], None),
+        "echo": ([pointer, number, number], None),
+        "inputs": ([pointer, *[number] * 5], None),
+        "serial_write": ([pointer, ctypes.c_char_p, number], None),
+    }
+    for name, (arguments, result) in signatures.items():
+        function = getattr(library, f"{prefix}_{name}")
+        function.argtypes, function.restype = arguments, result
 
 
-def next_safety_state(state: int, conditions: int) -> int:
-    """The firmware's safety state machine alone: `CarState` and the bits of safety.h -> `CarState`."""
-    result: int = _library().fw_next_state(state, conditions)
-    return result
+class NativeBoard:
+    """What the boards have in common: a firmware behind the C functions of `bind_board`. `_board` is its handle."""
 
-
-_TX_OFFSET: int = ctypes.sizeof(_Outputs) - _TX_BYTES
-_FIRED_BY_MASK = tuple(tuple(i for i in range(SONAR_COUNT) if mask >> i & 1) for mask in range(1 << SONAR_COUNT))
-
-
-class HostBoard:
-    """The firmware core compiled for this machine; one step of 5 ms costs a few microseconds."""
-
-    def __init__(self, session: int = 1) -> None:
-        self._firmware = _library()
-        self._run = self._firmware.fw_run
-        self._imu = self._firmware.fw_imu
-        self._session = session - 1
+    def __init__(self, library: ctypes.CDLL, prefix: str) -> None:
         self._board: int | None = None
-        self._battery_mv = 12000
-        self._bumper = self._cliff_left = self._cliff_right = self._stop_button = False
-        self.reset()
+        self._call: dict[str, Any] = {
+            name: getattr(library, f"{prefix}_{name}")
+            for name in ("free", "outputs", "imu_unplug", "echo", "inputs", "serial_write")
+        }
+        self._run = getattr(library, f"{prefix}_run")
+        self._imu = getattr(library, f"{prefix}_imu")
+        self._inputs = [0, 0, 0, 0, 12000]  # bumper, cliff left and right, stop button, battery in mV
+        self._left = self._right = 0
 
     def __del__(self) -> None:
         if getattr(self, "_board", None) is not None:
-            self._firmware.fw_free(self._board)
+            self._call["free"](self._board)
 
-    def reset(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
-        if self._board is not None:
-            self._firmware.fw_free(self._board)
-        self._session = (self._session + 1) % 65536
-        self._board = self._firmware.fw_new(int(cause), self._session)
-        self._out: _Outputs = self._firmware.fw_outputs(self._board).contents
-        self._tx_address = ctypes.addressof(self._out) + _TX_OFFSET
-        self._left = self._right = 0
-        self._push_inputs()
+    def _hold(self, board: int) -> None:
+        """From now on this is the firmware."""
+        self._board = board
+        self._out: Any = self._call["outputs"](board).contents
+        self._tx_address = ctypes.addressof(self._out) + type(self._out).tx.offset
 
     def run(self, until_us: int) -> None:
         self._run(self._board, until_us, self._left, self._right)
@@ -175,7 +155,7 @@ class HostBoard:
 
     def serial_write(self, data: bytes) -> None:
         if data:
-            self._firmware.fw_serial_write(self._board, data, len(data))
+            self._call["serial_write"](self._board, data, len(data))
 
     def serial_read(self) -> bytes:
         length = self._out.tx_length
@@ -191,38 +171,35 @@ class HostBoard:
     def echo(self, sonar: int, width_us: int) -> None:
         if not 0 <= sonar < SONAR_COUNT:
             raise ValueError(f"there is no sonar {sonar}; they are numbered 0 to {SONAR_COUNT - 1}")
-        self._firmware.fw_echo(self._board, sonar, width_us)
+        self._call["echo"](self._board, sonar, width_us)
 
     def imu(self, ax: int, ay: int, az: int, gx: int, gy: int, gz: int) -> None:
         self._imu(self._board, ax, ay, az, gx, gy, gz)
 
     def imu_unplug(self) -> None:
-        """The MPU-6050 answers no more, until the next `imu`."""
-        self._firmware.fw_imu_unplug(self._board)
+        """The MPU-6050 answers no more; with the next `imu` it is back, as after power-on."""
+        self._call["imu_unplug"](self._board)
 
     def bumper(self, pressed: bool) -> None:
-        if pressed != self._bumper:
-            self._bumper = pressed
-            self._push_inputs()
+        self._set(0, pressed)
 
     def cliff(self, left: bool, right: bool) -> None:
-        if left != self._cliff_left or right != self._cliff_right:
-            self._cliff_left, self._cliff_right = left, right
-            self._push_inputs()
-
-    def battery(self, mv: int) -> None:
-        if mv != self._battery_mv:
-            self._battery_mv = mv
-            self._push_inputs()
+        self._set(1, left)
+        self._set(2, right)
 
     def stop_button(self, pressed: bool) -> None:
-        if pressed != self._stop_button:
-            self._stop_button = pressed
+        self._set(3, pressed)
+
+    def battery(self, mv: int) -> None:
+        self._set(4, mv)
+
+    def _set(self, which: int, value: int) -> None:
+        if self._inputs[which] != value:
+            self._inputs[which] = int(value)
             self._push_inputs()
 
     def _push_inputs(self) -> None:
-        switches = (self._bumper, self._cliff_left, self._cliff_right, self._stop_button)
-        self._firmware.fw_inputs(self._board, *switches, self._battery_mv)
+        self._call["inputs"](self._board, *self._inputs)
 
     def fired(self) -> tuple[int, ...]:
         mask = self._out.fired
@@ -234,3 +211,52 @@ class HostBoard:
     def outputs(self) -> tuple[int, int, bool]:
         out = self._out
         return out.pwm_left, out.pwm_right, bool(out.enabled)
+
+
+class _Outputs(ctypes.Structure):
+    pwm_left: int
+    pwm_right: int
+    enabled: int
+    fired: int
+    tx_length: int
+    _fields_ = (
+        ("pwm_left", ctypes.c_int32),
+        ("pwm_right", ctypes.c_int32),
+        ("enabled", ctypes.c_int32),
+        ("fired", ctypes.c_uint32),
+        ("tx_length", ctypes.c_uint32),
+        ("tx", ctypes.c_char * TX_BYTES),
+    )
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    library = ctypes.CDLL(str(build_firmware()))
+    number = ctypes.c_int
+    bind_board(library, "fw", _Outputs)
+    library.fw_new.argtypes, library.fw_new.restype = [number, number], ctypes.c_void_p
+    library.fw_next_state.argtypes, library.fw_next_state.restype = [number, number], number
+    return library
+
+
+def next_safety_state(state: int, conditions: int) -> int:
+    """The firmware's safety state machine alone: `CarState` and the bits of safety.h -> `CarState`."""
+    result: int = _library().fw_next_state(state, conditions)
+    return result
+
+
+class HostBoard(NativeBoard):
+    """The firmware core compiled for this machine; one step of 5 ms costs a few microseconds."""
+
+    def __init__(self, session: int = 1) -> None:
+        super().__init__(_library(), "fw")
+        self._session = session - 1
+        self.reset()
+
+    def reset(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
+        if self._board is not None:
+            self._call["free"](self._board)
+        self._session = (self._session + 1) % 65536
+        self._hold(_library().fw_new(int(cause), self._session))
+        self._left = self._right = 0
+        self._push_inputs()
