@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import Points, Pose2, wrap_angle
-from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, GridMap, Mask
+from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, Cell, GridMap, Mask
 
 GROUP_CELLS_MIN = 5
 GROUP_COARSENESS = 2  # grid cells
@@ -25,6 +25,7 @@ OPENING_BEHIND_M = (-2.0, -0.5)  # where along the way an opening on the right i
 OPENING_SIDE_M = (-3.0, -0.3)
 OPENING_WIDTH_M = 0.6
 GIVEN_UP_RADIUS_M = 0.45
+ROOMY_SHARE = 0.8  # of the best clearance in a group
 
 
 Cells = npt.NDArray[np.int64]  # (N, 2) row, column
@@ -105,6 +106,19 @@ def groups(grid: GridMap, frontier: Frontier) -> list[FrontierGroup]:
             middle = frontier.points[indices].mean(axis=0)
             found.append(FrontierGroup(frontier.cells[indices], float(middle[0]), float(middle[1])))
     return found
+
+
+def roomy_cells(grid: GridMap, listed: list[FrontierGroup]) -> set[Cell]:
+    """Where to go for the entries of the list: of every group the cells away from the walls."""
+    wanted: set[Cell] = set()
+    for group in listed:
+        clearance_m = grid.clearance_m[tuple(group.cells.T)]
+        wanted |= as_set(group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()])
+    return wanted
+
+
+def as_set(cells: Cells) -> set[Cell]:
+    return {(r, c) for r, c in cells.tolist()}
 
 
 def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Mask | None = None) -> float:

@@ -9,6 +9,7 @@ from math import sqrt
 import numpy as np
 
 from common.constants import HULL_RADIUS_M
+from common.geometry import Pose2
 from onboard.planner.grid_map import FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
 
 COMFORT_M = 0.8  # nearer to a wall than this a way costs more
@@ -17,6 +18,15 @@ TIGHT_CLEARANCE_M = HULL_RADIUS_M + 0.04
 TIGHT_PRICE = 12.0
 START_RADIUS_CELLS = 4  # around the robot every free cell may be stood on: it stands there
 _NEIGHBOURS = [(i, j, sqrt(i * i + j * j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+
+
+def cheapest_way(grid: GridMap, pose: Pose2, wanted: set[Cell], blocked: Mask) -> list[tuple[float, float]] | None:
+    """Way points (map, metres) from a pose to the cheapest of the wanted cells; None where no way leads there."""
+    start = grid.cell(pose.x_m, pose.y_m)
+    if not grid.contains(start):
+        return None
+    found = shortest_path(cell_costs(grid, start, blocked), start, lambda cell: cell in wanted)
+    return None if found is None else pull_string(grid, found[0], blocked)
 
 
 def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[list[float]]:
