@@ -13,7 +13,7 @@ from math import atan2, cos, hypot, sin
 import numpy as np
 import numpy.typing as npt
 
-from common.geometry import Points, Pose2, wrap_angle
+from common.geometry import Points, Pose2
 from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, Cell, GridMap, Mask
 
 GROUP_CELLS_MIN = 5
@@ -185,29 +185,6 @@ def unknown_direction_rad(grid: GridMap, x_m: float, y_m: float, fallback_rad: f
     points = points[::3][seen] if seen.any() else points
     dx, dy = points.mean(axis=0)
     return atan2(float(dy), float(dx)) if hypot(float(dx), float(dy)) > 0.1 else fallback_rad
-
-
-def hall_direction_rad(points: Points, pose: Pose2, heading_rad: float) -> float | None:
-    """Direction of the wall on the right (else on the left) near the robot, within 20 degrees of `heading_rad`."""
-    c, s = cos(heading_rad), sin(heading_rad)
-    d = points - np.array([pose.x_m, pose.y_m])
-    along, side = d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c
-    near = (along > -3.0) & (along < 1.0)
-    for sign in (-1.0, 1.0):
-        mine = near & (side * sign > 0.2) & (side * sign < 3.5)
-        if mine.sum() < 15:
-            continue
-        x, y = along[mine], side[mine]
-        keep = np.abs(y - np.median(y)) < 0.3
-        for _ in range(3):
-            if keep.sum() < 15 or np.ptp(x[keep]) < 1.2:
-                break
-            slope, offset = np.polyfit(x[keep], y[keep], 1)
-            keep = np.abs(y - slope * x - offset) < 0.06
-        else:
-            if keep.mean() > 0.6 and abs(slope) < 0.36:
-                return wrap_angle(heading_rad + atan2(float(slope), 1.0))
-    return None
 
 
 def _relative(frontier: Frontier, pose: Pose2, heading_rad: float) -> Points:

@@ -6,11 +6,10 @@ It knows no messages and no clock of its own.
 
 from __future__ import annotations
 
-from cmath import phase, rect
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
-from math import atan2, cos, hypot, inf, pi, radians, sin
+from math import atan2, cos, hypot, inf, radians, sin
 
 import numpy as np
 
@@ -19,7 +18,8 @@ from common.messages import Speed
 from onboard.planner import exploration
 from onboard.planner.exploration import Cells, Exploration, Frontier, FrontierGroup, as_set
 from onboard.planner.grid_map import Cell, GridMap, Mask
-from onboard.planner.right_hand_rule import Turn, decide, shift_rad
+from onboard.planner.hall_following import HallFollowing
+from onboard.planner.right_hand_rule import Turn, decide
 from onboard.planner.route_planning import cheapest_way
 from onboard.planner.setbacks import Obstacles, Stillness, TriedWays
 from onboard.planner.way_following import Way, arrived, rest_of, speed_along
@@ -35,13 +35,8 @@ RETRY_S = 3.0
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
-STEER_MAX_RAD = radians(10.0)
 SIDE_REACH_M = 1.2
 SIDE_WIDTH_M = 0.8
-DIRECTIONS_MIN = 30
-RIGHT_ANGLES_MIN = 0.6  # mean resultant length of four times the direction
-ALONG_RAD = radians(30.0)
-OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
 
 
 class Mode(Enum):
@@ -91,7 +86,7 @@ class Mission:
         self._frontier: Frontier = exploration.NOWHERE
         self._blocked: Mask = np.zeros((0, 0), dtype=bool)
         self._grid_seen = -1
-        self._leg_rad = 0.0
+        self._hall = HallFollowing()
         self._look_rad = 0.0
         self._look_since_s = 0.0
         self._look_settled_s = inf
@@ -103,11 +98,7 @@ class Mission:
         self._tried = TriedWays()
         self._stillness = Stillness()
         self._empty_lists = 0
-        self._opening_checked: Pose2 | None = None
-        self._leg_start: Pose2 | None = None
         self._obstructions = 0  # since the last arrival
-        self._directions = 0j  # sum of unit vectors at four times the halls' directions
-        self._directions_seen = 0
         self._at_junction = False  # a leg has ended, and no way on is chosen yet
         self._retake_rad = 0.0
         self._retry_s = 0.0
@@ -216,16 +207,15 @@ class Mission:
 
     def _choose(self, view: View) -> None:
         """P3.0: the right-most way that shows something new, back out of a dead end, else the next of the list."""
-        heading_rad = self._along_hall(view.pose.heading_rad)
-        ways = {turn: self._along_hall(wrap_angle(heading_rad + turn.value)) for turn in Turn}
+        heading_rad = self._hall.along(view.pose.heading_rad)
+        ways = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
         open_ways = {turn for turn, way_rad in ways.items() if self._shows_new(view, way_rad, turn is Turn.FORWARD)}
         # A way that was chosen is driven before the next choice, or the robot would go round and round on the spot
         turn = Turn.FORWARD if Turn.FORWARD in open_ways and not self._at_junction else decide(open_ways)
         self._at_junction = False
         if turn is Turn.FORWARD:
-            self.mode, self._leg_rad, self._opening_checked = Mode.STRAIGHT, heading_rad, view.pose
-            self._leg_start = view.pose
-            self._empty_lists = 0
+            self.mode, self._empty_lists = Mode.STRAIGHT, 0
+            self._hall.begin(view.pose, heading_rad)
         elif turn in open_ways:
             self._tried.add_side(_facing(view.pose, ways[turn]))
             self._look(ways[turn], view.now_s)
@@ -243,14 +233,6 @@ class Mission:
             ruled_out = reach_m < SIDE_REACH_M or self._tried.tried(side)
             width_m = SIDE_WIDTH_M
         return not ruled_out and exploration.something_ahead(view.grid, self._frontier, side, way_rad, reach_m, width_m)
-
-    def _along_hall(self, heading_rad: float) -> float:
-        """The building's own direction next to a heading, where it has right angles and one is near; else the same."""
-        if self._directions_seen < DIRECTIONS_MIN or abs(self._directions) < RIGHT_ANGLES_MIN * self._directions_seen:
-            return heading_rad
-        base_rad = phase(self._directions) / 4
-        nearest_rad = base_rad + round((heading_rad - base_rad) / (pi / 2)) * (pi / 2)
-        return wrap_angle(nearest_rad) if abs(wrap_angle(nearest_rad - heading_rad)) < ALONG_RAD else heading_rad
 
     def _take_from_list(self, view: View, cells: Cells | None = None) -> bool:
         """Set out for the nearest of these cells, or of the whole list; False where no way leads there."""
@@ -283,31 +265,21 @@ class Mission:
 
     def _drive_straight(self, view: View) -> Motion:
         pose = view.pose
-        direction = exploration.hall_direction_rad(view.points, pose, self._leg_rad)
-        if direction is not None:
-            self._directions += rect(1.0, 4 * direction)
-            self._directions_seen += 1
-            self._leg_rad = wrap_angle(self._leg_rad + 0.15 * wrap_angle(direction - self._leg_rad))
-        reach_m = exploration.straight_reach_m(view.grid, pose, self._leg_rad, self._blocked)
-        if self._opening_checked is None or self._opening_checked.distance_m(pose) > OPENING_PATIENCE_M:
-            opening = exploration.opening_on_the_right(view.grid, self._frontier, pose, self._leg_rad)
-            if opening is not None:
-                self._opening_checked = pose
-                if self._take_from_list(view, opening):
-                    return Motion(Speed.STOP, pose.heading_rad)
+        self._hall.see(view.points, pose)
+        opening = self._hall.opening_passed(view.grid, self._frontier, pose)
+        if opening is not None and self._take_from_list(view, opening):
+            return Motion(Speed.STOP, pose.heading_rad)
+        leg_rad = self._hall.heading_rad
+        reach_m = exploration.straight_reach_m(view.grid, pose, leg_rad, self._blocked)
         if self._front_is_near(view) or not exploration.something_ahead(
-            view.grid, self._frontier, pose, self._leg_rad, reach_m
+            view.grid, self._frontier, pose, leg_rad, reach_m
         ):
             self._end_leg(view)
             return Motion(Speed.STOP, pose.heading_rad)
-        wanted_rad = self._leg_rad + shift_rad(view.left_m, view.right_m)
-        # Never so much at once that the Carrier would stop to turn on the spot
-        change_rad = max(-STEER_MAX_RAD, min(STEER_MAX_RAD, wrap_angle(wanted_rad - pose.heading_rad)))
-        return Motion(Speed.MEDIUM, wrap_angle(pose.heading_rad + change_rad))
+        return Motion(Speed.MEDIUM, self._hall.steered_rad(pose, view.left_m, view.right_m))
 
     def _end_leg(self, view: View) -> None:
-        if self._leg_start is not None:
-            self._tried.add_leg(self._leg_start, view.pose)
+        self._tried.add_leg(self._hall.start, view.pose)
         self._at_junction = True
         self._look(view.pose.heading_rad, view.now_s)
 
@@ -369,7 +341,7 @@ class Mission:
             return
         direction = exploration.unknown_direction_rad(view.grid, view.pose.x_m, view.pose.y_m, view.pose.heading_rad)
         self._exploration.give_up(*self._target)
-        self._look(self._along_hall(direction), view.now_s)
+        self._look(self._hall.along(direction), view.now_s)
 
     def _way_is_clear(self, view: View) -> bool:
         """Nothing that was met stands on the next two legs, and no wall was seen on the next."""
