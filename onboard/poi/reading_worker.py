@@ -113,7 +113,7 @@ class ReadingWorker(Protocol):
 Read = Callable[[Job], Reading]
 
 
-class DeferredWorker:
+class DeferredReading:
     """Lockstep: a result comes LATENCY_S of simulated time after its job, whatever the reading took."""
 
     ready = True
