@@ -17,7 +17,7 @@ from offboard.simulator.floor import Floor, FloorError, load_floor
 FLOORS = Path(__file__).with_name("floors")
 DEFAULT_FLOOR = "office"
 SPEED_MAX = 100.0
-CAMERAS = ("off", "clean", "realistic", "hard")  # scenery.CAMERA_MODES, without loading MuJoCo for them
+CAMERAS = ("off", "clean", "realistic", "hard")
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,9 @@ from offboard.simulator.camera import Camera, CameraUnavailable
 from offboard.simulator.errors import PROFILES, random_stream
 from offboard.simulator.events import Events
 from offboard.simulator.floor import Floor
+from offboard.simulator.options import CAMERAS
 from offboard.simulator.pty_port import PtyPort
-from offboard.simulator.scenery import CAMERA_MODES, build_scenery
+from offboard.simulator.scenery import build_scenery
 from offboard.simulator.serial_line import HostPort, SerialLine
 from offboard.simulator.world import STEP_S, World
 
@@ -44,12 +45,12 @@ class Simulation:
         pty_link: Path | None = None,
         pty: bool = False,
     ) -> None:
-        """`errors`: a name in errors.PROFILES; `camera`: one of scenery.CAMERA_MODES. `pty`, or a `pty_link` to the
+        """`errors`: a name in errors.PROFILES; `camera`: one of options.CAMERAS. `pty`, or a `pty_link` to the
         device, puts the serial line behind a pseudo-terminal; else `port` is its host end. `camera` stays None where
         no OpenGL library is to be had. Raises FloorError.
         """
-        if camera not in CAMERA_MODES:
-            raise ValueError(f"there is no camera {camera!r}, choose one of {', '.join(CAMERA_MODES)}")
+        if camera not in CAMERAS:
+            raise ValueError(f"there is no camera {camera!r}, choose one of {', '.join(CAMERAS)}")
         profile = PROFILES[errors]
         line = SerialLine(profile, random_stream(seed, "serial"))
         self.pty = PtyPort(line, pty_link) if pty or pty_link is not None else None

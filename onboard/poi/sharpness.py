@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-Gray = npt.NDArray[np.uint8]  # (height, width)
+from onboard.poi.frame import Gray
 
 NORMAL_HEIGHT_PX = 160
 _HIGH_FREQUENCY = 0.25  # cycles per pixel

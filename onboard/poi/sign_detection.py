@@ -10,11 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from onboard.poi.camera_model import CameraModel
-
-Gray = npt.NDArray[np.uint8]
+from onboard.poi.frame import Gray
 
 SIGN_LOW_M, SIGN_HIGH_M = 1.15, 1.85
 WIDTH_M = (0.03, 0.45)
