@@ -1,6 +1,6 @@
 """Reading a run database: messages of a topic, newest of each, log and status history, points of interest.
 
-For the visualizer, the command center, `runs` and `export`; also while the recorder writes, from any process.
+For the recorder that goes on with a run, `runs` and `export`; also while the recorder writes, from any process.
 The schema stands in `run_schema`.
 
     with RunReader(run_dir) as run:
@@ -44,6 +44,8 @@ class Message(Generic[P]):
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
+    """A stored log line; `row` as in `Message`."""
+
     row: int
     module: str
     line: LogLine

@@ -118,11 +118,15 @@ def roomy_cells(grid: GridMap, listed: list[FrontierGroup]) -> set[Cell]:
 
 
 def as_set(cells: Cells) -> set[Cell]:
+    """Cells (N, 2) as pairs, to ask whether one is among them."""
     return {(r, c) for r, c in cells.tolist()}
 
 
 def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Mask | None = None) -> float:
-    """How far the hull can go straight on by the grid; unknown floor counts as open, `blocked` cells do not."""
+    """How far (metres) the hull can go straight on by the grid, at most STRAIGHT_MAX_M.
+
+    Unknown floor counts as open, `blocked` cells do not.
+    """
     steps = np.arange(0.2, STRAIGHT_MAX_M, grid.cell_m)
     rows, columns = grid.line(
         (pose.x_m, pose.y_m),
@@ -139,7 +143,7 @@ def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Ma
 def something_ahead(
     grid: GridMap, frontier: Frontier, pose: Pose2, heading_rad: float, reach_m: float, side_m: float = STRAIGHT_SIDE_M
 ) -> bool:
-    """Is there frontier that will be seen in passing by driving straight on?"""
+    """Is there frontier that will be seen in passing by driving straight on for `reach_m`, up to `side_m` aside?"""
     if reach_m < STRAIGHT_MIN_M:
         return False
     points = _relative(frontier, pose, heading_rad)
@@ -154,7 +158,7 @@ def something_ahead(
 
 
 def opening_on_the_right(grid: GridMap, frontier: Frontier, pose: Pose2, heading_rad: float) -> Cells | None:
-    """Frontier cells of an opening on the right that was just passed and is wide enough to enter; None = wall right."""
+    """Frontier cells (N, 2) of an opening on the right, just passed and wide enough to enter; None = no opening."""
     points = _relative(frontier, pose, heading_rad)
     passed = (
         (points[:, 0] > OPENING_BEHIND_M[0])

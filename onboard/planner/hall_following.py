@@ -73,7 +73,10 @@ class HallFollowing:
 
 
 def hall_direction_rad(points: Points, pose: Pose2, heading_rad: float) -> float | None:
-    """Direction of the wall on the right (else on the left) near the robot, within 20 degrees of `heading_rad`."""
+    """Direction of the wall on the right (else on the left) near the robot, within 20 degrees of `heading_rad`.
+
+    Least squares over the wall points (N, 2), again without those that lie off; None where there is no plain wall.
+    """
     c, s = cos(heading_rad), sin(heading_rad)
     d = points - np.array([pose.x_m, pose.y_m])
     along, side = d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c

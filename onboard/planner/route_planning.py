@@ -30,7 +30,7 @@ def cheapest_way(grid: GridMap, pose: Pose2, wanted: set[Cell], blocked: Mask) -
 
 
 def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[list[float]]:
-    """Price of a metre on every cell, dear where the hull hardly fits, 0 where it does not."""
+    """(rows, columns) cost of a step of one cell: its metres, dear where the hull hardly fits; 0 where it does not."""
     clearance = grid.clearance_m
     allowed = (grid.cells == FREE) & (clearance >= TIGHT_CLEARANCE_M)
     if blocked is not None:
@@ -50,7 +50,10 @@ def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[
 def shortest_path(
     costs: list[list[float]], start: Cell, is_goal: Callable[[Cell], bool], limit: float = float("inf")
 ) -> tuple[list[Cell], float] | None:
-    """Cells from `start` to the cheapest goal and the cost, or None where no goal is within `limit`."""
+    """Cells from `start` to the cheapest goal and the cost, or None where no goal is within `limit` (Dijkstra 1959).
+
+    `costs` as of `cell_costs`; a diagonal step costs the square root of two times as much.
+    """
     rows, columns = len(costs), len(costs[0])
     if not (0 <= start[0] < rows and 0 <= start[1] < columns):
         return None

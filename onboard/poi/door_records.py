@@ -28,6 +28,7 @@ class DoorRecords:
         self.signs: list[Sign] = []
 
     def add_edge(self, side: Side, point: WallPoint, now_s: float) -> None:
+        """An edge of a door was seen at a spot."""
         near = [e for e in self.edges if e.side is side and same_wall(e.place.point, point)]
         edge = min(near, key=lambda e: e.place.point.distance_m(point), default=None)
         if edge is not None and edge.place.point.distance_m(point) < EDGE_GATE_M:
@@ -36,6 +37,7 @@ class DoorRecords:
             self.edges.append(Edge(side, Place.of(point, now_s)))
 
     def sign_at(self, point: WallPoint) -> Sign | None:
+        """The sign that was seen at this spot before; None where none was."""
         near = [s for s in self.signs if same_wall(s.place.point, point)]
         sign = min(near, key=lambda s: s.place.point.distance_m(point), default=None)
         return sign if sign is not None and sign.place.point.distance_m(point) < SIGN_GATE_M else None

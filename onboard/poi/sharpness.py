@@ -20,6 +20,8 @@ _HIGH_FREQUENCY = 0.25  # cycles per pixel
 
 @dataclass(frozen=True, slots=True)
 class Sharpness:
+    """Larger is sharper; comparable between photos only."""
+
     gradient: float  # what decides
     laplacian_variance: float
     high_frequency_share: float

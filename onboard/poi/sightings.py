@@ -22,7 +22,7 @@ MAJORITY = 0.6
 
 @dataclass(slots=True)
 class Place:
-    """Mean of the points where one thing was seen."""
+    """Mean of the points where one thing was seen; `normal_x`, `normal_y` are the sum of their unit normals."""
 
     x_m: float
     y_m: float
@@ -85,11 +85,13 @@ class Sign:
 
     @property
     def accepted(self) -> bool:
+        """Enough photos agree on the number."""
         number = self.number
         return self.numbers[number] >= AGREEING_MIN and self.share > MAJORITY
 
     @property
     def share(self) -> float:
+        """Of the confidence of all readings of a number, what speaks for the one that won."""
         total = sum(self.weights.values())
         return self.weights[self.number] / total if total else 0.0
 
