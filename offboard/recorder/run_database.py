@@ -124,14 +124,13 @@ class RunReader:
         *modules: str,
         levels: tuple[str, ...] = (),
         containing: str = "",
-        after_row: int = 0,
         limit: int | None = None,
     ) -> list[LogEntry]:
         """Log lines of these modules (of all, when none is named), oldest first; with a limit, the newest so many."""
         topics = [LOG[module] for module in modules or LOG]
         found = [
             LogEntry(message.row, message.topic.producer, message.payload)
-            for message in self.messages(*topics, after_row=after_row)
+            for message in self.messages(*topics)
             if (not levels or message.payload.level in levels) and containing.lower() in message.payload.text.lower()
         ]
         return found if limit is None else found[max(0, len(found) - limit) :]

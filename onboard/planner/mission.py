@@ -40,6 +40,8 @@ SIDE_WIDTH_M = 0.8
 
 
 class Mode(Enum):
+    """What the mission is about; the value is what people are told."""
+
     WAITING = "waiting for start"
     STRAIGHT = "following the hall"
     ROUTE = "driving to a side hall"
@@ -62,7 +64,10 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What the mission sees in one tick. Distances from the ring's centre, NaN = no echo."""
+    """What the mission sees in one tick: `points` (N, 2) of walls near the robot, distances from the ring's centre.
+
+    NaN = no echo; `grid_revision` grows with every new grid.
+    """
 
     now_s: float
     pose: Pose2
@@ -77,11 +82,10 @@ class View:
 class Mission:
     """`step` returns the wanted motion; `mode`, `groups` and `way` tell people what it is about."""
 
-    def __init__(self, returns_home: bool = True) -> None:
+    def __init__(self) -> None:
         self.mode = Mode.WAITING
         self.groups: list[FrontierGroup] = []
         self.way: Way = []
-        self._returns_home = returns_home
         self._exploration = Exploration()
         self._frontier: Frontier = exploration.NOWHERE
         self._blocked: Mask = np.zeros((0, 0), dtype=bool)
@@ -116,9 +120,11 @@ class Mission:
             self._look(pose.heading_rad, now_s)
 
     def go_home(self) -> None:
+        """Give up what is left of the list."""
         self.mode, self.way = Mode.HOME, []
 
     def go_to(self, x_m: float, y_m: float) -> None:
+        """Drive to a place on the map, and stay there."""
         self.mode, self.way, self._target = Mode.GOTO, [], (x_m, y_m)
 
     def detour(self, pose: Pose2) -> None:
@@ -150,6 +156,7 @@ class Mission:
         self._grid_seen = -1
 
     def step(self, view: View) -> Motion:
+        """The motion that is wanted now; with rests in between for the gyro."""
         dt_s = view.now_s - self._last_s if self._last_s is not None else 0.0
         self._last_s = view.now_s
         self._obstacles.forget(view.now_s)
@@ -250,10 +257,8 @@ class Mission:
         if self._empty_lists < LIST_PATIENCE or self._exploration.try_again():
             self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
-        elif self._returns_home:
-            self.go_home()
         else:
-            self.mode = Mode.DONE
+            self.go_home()
         return False
 
     def _route(self, view: View, wanted: set[Cell]) -> Way | None:

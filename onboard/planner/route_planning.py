@@ -48,9 +48,9 @@ def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[
 
 
 def shortest_path(
-    costs: list[list[float]], start: Cell, is_goal: Callable[[Cell], bool], limit: float = float("inf")
+    costs: list[list[float]], start: Cell, is_goal: Callable[[Cell], bool]
 ) -> tuple[list[Cell], float] | None:
-    """Cells from `start` to the cheapest goal and the cost, or None where no goal is within `limit` (Dijkstra 1959).
+    """Cells from `start` to the cheapest goal and the cost, or None where no goal can be reached (Dijkstra 1959).
 
     `costs` as of `cell_costs`; a diagonal step costs the square root of two times as much.
     """
@@ -64,8 +64,6 @@ def shortest_path(
         cost, cell = heapq.heappop(queue)
         if cost > best[cell]:
             continue
-        if cost > limit:
-            return None
         if is_goal(cell):
             path = [cell]
             while path[-1] in parent:
