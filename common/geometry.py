@@ -6,6 +6,7 @@ robot's frame into the map's.
 
 from __future__ import annotations
 
+from cmath import phase, rect
 from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, sin
 from typing import Any
@@ -72,6 +73,31 @@ class Pose2:
     @classmethod
     def from_array(cls, a: Any) -> Pose2:
         return cls(float(a[0]), float(a[1]), wrap_angle(float(a[2])))
+
+
+@dataclass(frozen=True, slots=True)
+class RightAngles:
+    """Directions of walls or halls, summed up: do they stand at right angles, and which way?
+
+    Each is a unit vector at four times its direction, where all that stands at right angles points the same way (Mardia
+    and Jupp 2000, directional statistics).
+    """
+
+    weight: float = 0.0
+    resultant: complex = 0j
+
+    def with_direction(self, direction_rad: float, weight: float = 1.0) -> RightAngles:
+        """These and one direction more; `weight` in any unit, the same for all."""
+        return RightAngles(self.weight + weight, self.resultant + weight * rect(1.0, 4 * direction_rad))
+
+    def offset_rad(self, direction_rad: float, share_min: float) -> float | None:
+        """How far a direction is turned from the nearest right angle, in (-pi/4, pi/4], left positive.
+
+        None where the mean resultant length (0: all directions alike, 1: all at right angles) is below `share_min`.
+        """
+        if abs(self.resultant) < share_min * self.weight:
+            return None
+        return wrap_angle(4 * direction_rad - phase(self.resultant)) / 4
 
 
 def rigid_fit(source: Points, target: Points) -> Pose2:

@@ -32,6 +32,8 @@ from deploy.supervisor import ProcessFailed, Supervisor
 from deploy.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
+from onboard.comm.stop_latch import RECORD_NAME
+from onboard.mmu.map_file import MAP_NAME
 
 SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0
@@ -114,7 +116,7 @@ class LocalRun:
         # A socket's path must be short, which a run folder's need not be
         self._socket_folder = tempfile.TemporaryDirectory(prefix="indoor-mapping-")
         self._frames = Path(self._socket_folder.name) / "frames"
-        left_overs = (self._serial, *(self._work / name for name in ("stop_latch.json", "map.npz")))
+        left_overs = (self._serial, *(self._work / name for name in (RECORD_NAME, MAP_NAME)))
         for left_over in (*left_overs, *self._work.glob(f"*{STEPS_SUFFIX}")):
             left_over.unlink(missing_ok=True)
         # Headless runs go side by side, and between looking for a free port and taking it another could take it

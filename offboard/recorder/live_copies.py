@@ -16,8 +16,10 @@ COPIES_MAX = 2048  # per topic; more than comm says while its rows are on their 
 
 
 class LiveCopies:
+    """The copies by topic, until the outbox has delivered them."""
+
     def __init__(self, keys: Iterable[str], delivered: Mapping[tuple[str, int], int]) -> None:
-        """`delivered`: what the database holds of these topics."""
+        """`delivered`: newest sequence number that the database holds, by (topic, boot id)."""
         self._copies: dict[str, deque[Frame]] = {key: deque(maxlen=COPIES_MAX) for key in keys}
         self._delivered: Known = dict(delivered)
 

@@ -1,6 +1,6 @@
 """Reading a run database: messages of a topic, newest of each, log and status history, points of interest.
 
-For the visualizer, the command center, `runs` and `export`; also while the recorder writes, from any process.
+For the recorder that goes on with a run, `runs` and `export`; also while the recorder writes, from any process.
 The schema stands in `run_schema`.
 
     with RunReader(run_dir) as run:
@@ -44,6 +44,8 @@ class Message(Generic[P]):
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
+    """A stored log line; `row` as in `Message`."""
+
     row: int
     module: str
     line: LogLine
@@ -122,14 +124,13 @@ class RunReader:
         *modules: str,
         levels: tuple[str, ...] = (),
         containing: str = "",
-        after_row: int = 0,
         limit: int | None = None,
     ) -> list[LogEntry]:
         """Log lines of these modules (of all, when none is named), oldest first; with a limit, the newest so many."""
         topics = [LOG[module] for module in modules or LOG]
         found = [
             LogEntry(message.row, message.topic.producer, message.payload)
-            for message in self.messages(*topics, after_row=after_row)
+            for message in self.messages(*topics)
             if (not levels or message.payload.level in levels) and containing.lower() in message.payload.text.lower()
         ]
         return found if limit is None else found[max(0, len(found) - limit) :]

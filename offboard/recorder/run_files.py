@@ -67,6 +67,7 @@ class RunFiles:
             self._lines.cut()
 
     def take(self, payload: object) -> None:
+        """A payload of TOPICS_OF_FILES; others are no matter of the files."""
         if isinstance(payload, PoseEstimate):
             self._take_pose(payload)
         elif isinstance(payload, MapUpdate):
@@ -80,6 +81,7 @@ class RunFiles:
             self._take_view(payload)
 
     def append_poses(self) -> None:
+        """The poses that are not in the file yet."""
         if self._lines is not None and self._pending:
             self._lines.append(self._pending)
             self._pending.clear()

@@ -1,7 +1,8 @@
 """The layout of a run folder in one place: names, writers, readers.
 
-Recorder and simulator write it; evaluation, export and visualizer read it. A file is written whole under another name
-and then renamed, so that a reader never meets half of one; only `trajectory.tum` and `truth.tum` grow line by line.
+Recorder, simulator and replay write it; evaluation, export, visualizer and command center read it. A file is written
+whole under another name and then renamed, so that a reader never meets half of one; only `trajectory.tum` and
+`truth.tum` grow line by line.
 """
 
 from __future__ import annotations
@@ -127,6 +128,7 @@ def read_map_points(path: Path) -> tuple[Points, npt.NDArray[np.uint8]]:
 
 
 def write_json(path: Path, content: object) -> None:
+    """Indented, as people read it; replaces the file."""
     write_atomically(path, (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode())
 
 

@@ -80,6 +80,8 @@ class Delivery:
 
 @dataclass(frozen=True, slots=True)
 class Result:
+    """What became of a delivery."""
+
     stored: list[Stored]
     problems: dict[str, str]  # topic -> newest problem
 
@@ -127,7 +129,7 @@ class RunDatabase:
         return dict(self._database.execute("SELECT outbox_id, next_row FROM outboxes"))
 
     def heard(self, topics: Iterable[Topic[Any]]) -> Known:
-        """What is known of the senders of these topics."""
+        """Newest sequence number by (topic, boot id), of the last KNOWN_BOOTS senders of each of these topics."""
         known: Known = {}
         query = (
             "SELECT boot_id, max(sequence), max(row) FROM messages WHERE topic = ?"

@@ -128,8 +128,6 @@ class AvrBoard(NativeBoard):
         """The next transfer to the MPU-6050 never ends by itself."""
         _library().avr_board_imu_hang(self._board)
 
-    # --- what only this board can tell
-
     @property
     def watchdog_resets(self) -> int:
         return int(self._out.resets)

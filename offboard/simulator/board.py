@@ -248,9 +248,9 @@ def next_safety_state(state: int, conditions: int) -> int:
 class HostBoard(NativeBoard):
     """The firmware core compiled for this machine; one step of 5 ms costs a few microseconds."""
 
-    def __init__(self, session: int = 1) -> None:
+    def __init__(self) -> None:
         super().__init__(_library(), "fw")
-        self._session = session - 1
+        self._session = 0
         self.reset()
 
     def reset(self, cause: ResetCause = ResetCause.POWER_ON) -> None:

@@ -48,10 +48,10 @@ def build_model(
     open_doors: Sequence[Door],
     step_s: float,
 ) -> Any:
-    """The MjModel of a floor.
+    """The MjModel of a floor, stepped `step_s` at a time.
 
     `segments` (N, 4) in metres, each with the free space on its left; `people` name and radius_m of whoever walks
-    about. The joints x, y, heading of the hull are its pose in the floor's frame.
+    about; `open_doors` are left out. The joints x, y, heading of the hull are its pose in the floor's frame.
     """
     walls = "".join(_wall_xml(segment) for segment in segments.tolist())
     persons = "".join(_person_xml(name, radius_m) for name, radius_m in people)

@@ -21,10 +21,8 @@ import numpy.typing as npt
 from common.constants import CAMERA_FIELD_OF_VIEW_RAD
 from offboard.simulator.building import CAMERA_NAME
 from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
-from offboard.simulator.scenery import FULL_SIZE_PX, PREVIEW_SIZE_PX
 from offboard.simulator.world import World
-
-Image = npt.NDArray[np.uint8]  # (height, width, 3), blue green red
+from onboard.poi.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Image
 
 _BRIGHTNESS_PERIOD_S = 47.0
 _DARK_CELL_M, _DARK_SHARE, _DARKNESS = 8.0, 0.3, 0.35

@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 from offboard.simulator.camera import Camera
-from onboard.poi.frame import PREVIEW_PERIOD_S, Frame, Image
+from onboard.poi.frame import Frame, Image
+from onboard.poi.frame_source import PacedFrames
 
-_ROUNDING_S = 1e-6
 
-
-class CameraFrames:
-    """Draws when asked, at the time that it is: a preview every PREVIEW_PERIOD_S, a full frame after each request."""
+class CameraFrames(PacedFrames):
+    """Draws in the step that asks."""
 
     def __init__(self, camera: Camera) -> None:
+        super().__init__()
         self._camera = camera
-        self._due_s = 0.0
-        self._wanted = False
-
-    def preview(self, now_s: float) -> Frame | None:
-        if now_s < self._due_s - _ROUNDING_S:
-            return None
-        self._due_s = now_s + PREVIEW_PERIOD_S
-        return _frame(now_s, self._camera.preview())
-
-    def request_full(self) -> None:
-        self._wanted = True
-
-    def full(self, now_s: float) -> Frame | None:
-        if not self._wanted:
-            return None
-        self._wanted = False
-        return _frame(now_s, self._camera.full())
 
     def close(self) -> None:
         """The camera belongs to the simulation."""
+
+    def _capture_preview(self, now_s: float) -> Frame | None:
+        return _frame(now_s, self._camera.preview())
+
+    def _capture_full(self, now_s: float) -> Frame | None:
+        return _frame(now_s, self._camera.full())
 
 
 def _frame(now_s: float, image: Image | None) -> Frame | None:

@@ -34,6 +34,8 @@ class EventsError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Person:
+    """Who walks about, as a cylinder."""
+
     from_s: float
     to_s: float
     speed_m_s: float
@@ -55,6 +57,8 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Barrier:
+    """What blocks a hall for a while: BARRIER_THICKNESS_M thick along `line` (x0, y0, x1, y1 in metres)."""
+
     from_s: float
     to_s: float
     line: tuple[float, float, float, float]
@@ -71,6 +75,8 @@ class Barrier:
 
 @dataclass(frozen=True, slots=True)
 class OpenedDoor:
+    """A door that opens into a room and stays open."""
+
     at_s: float
     door: Door
     room: FloatArray  # (N, 4) its walls
@@ -78,6 +84,8 @@ class OpenedDoor:
 
 @dataclass(frozen=True, slots=True)
 class Events:
+    """All that happens on a floor, on the clock of the world (seconds since power-on)."""
+
     people: tuple[Person, ...] = ()
     barriers: tuple[Barrier, ...] = ()
     opened: tuple[OpenedDoor, ...] = ()
@@ -97,6 +105,7 @@ class Events:
         return np.vstack([walls, *standing])
 
     def open_doors(self, now_s: float) -> tuple[Door, ...]:
+        """The doors that stand open at that time."""
         return tuple(opened.door for opened in self.opened if opened.at_s <= now_s)
 
 

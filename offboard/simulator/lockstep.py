@@ -28,11 +28,11 @@ from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
-from onboard.mmu.deferred_worker import DeferredWorker as DeferredBackEnd
+from onboard.mmu.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi, reader_of
-from onboard.poi.reading_worker import DeferredWorker as DeferredReading
+from onboard.poi.reading_worker import DeferredReading
 
 TIME_LIMIT_S = 4 * 3600.0
 RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
@@ -132,7 +132,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     if simulation.camera is not None:
         config = with_camera(config)
-    back_end = DeferredBackEnd()
+    back_end = DeferredWorker()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
         MappingUnit(back_end, config.sonars.bearings_rad),

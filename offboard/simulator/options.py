@@ -17,22 +17,24 @@ from offboard.simulator.floor import Floor, FloorError, load_floor
 FLOORS = Path(__file__).with_name("floors")
 DEFAULT_FLOOR = "office"
 SPEED_MAX = 100.0
-CAMERAS = ("off", "clean", "realistic", "hard")  # scenery.CAMERA_MODES, without loading MuJoCo for them
+CAMERAS = ("off", "clean", "realistic", "hard")
 
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
+    """As the verbs `local` and `simulate` take them."""
+
     floor: Path
     start: int = 0  # which of the floor's starts, from 0
     seed: int = 0
     speed: float = 1.0  # simulated over wall time, `local` only
     headless: bool = False
-    out: Path | None = None
-    errors: str = "realistic"
+    out: Path | None = None  # the run folder; None: a new one under runs/
+    errors: str = "realistic"  # one of errors.PROFILES
     camera: str = "off"  # one of CAMERAS
     events: Path | None = None
-    board: str = "host"
-    route: str | None = None
+    board: str = "host"  # or "avr", `simulate` only
+    route: str | None = None  # "centrelines": a scripted drive, `simulate` only
 
     def as_dict(self) -> dict[str, Any]:
         """For summary.json: plain values."""

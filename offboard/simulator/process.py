@@ -47,6 +47,8 @@ class MotorLog:
 
 
 class SimulatorNode:
+    """Node "simulator": the world on the clock of the run, and what is written of it."""
+
     name = "simulator"
     period_s = 0.01
 

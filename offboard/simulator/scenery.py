@@ -13,10 +13,7 @@ from offboard.simulator.errors import random_stream
 from offboard.simulator.floor import Door, Floor, Poster
 from offboard.simulator.json_reader import Colour
 from offboard.simulator.sign_textures import draw_plate, draw_poster, with_glare
-
-CAMERA_MODES = ("off", "clean", "realistic", "hard")
-FULL_SIZE_PX = (1280, 960)
-PREVIEW_SIZE_PX = (640, 480)
+from onboard.poi.frame import FULL_SIZE_PX
 
 _DOOR_DEPTH_M = 0.02
 _FRAME_WIDTH_M, _FRAME_DEPTH_M = 0.06, 0.03

@@ -18,8 +18,9 @@ from offboard.simulator.camera import Camera, CameraUnavailable
 from offboard.simulator.errors import PROFILES, random_stream
 from offboard.simulator.events import Events
 from offboard.simulator.floor import Floor
+from offboard.simulator.options import CAMERAS
 from offboard.simulator.pty_port import PtyPort
-from offboard.simulator.scenery import CAMERA_MODES, build_scenery
+from offboard.simulator.scenery import build_scenery
 from offboard.simulator.serial_line import HostPort, SerialLine
 from offboard.simulator.world import STEP_S, World
 
@@ -42,21 +43,20 @@ class Simulation:
         camera: str = "off",
         events: Events | None = None,
         pty_link: Path | None = None,
-        pty: bool = False,
     ) -> None:
-        """`errors`: a name in errors.PROFILES; `camera`: one of scenery.CAMERA_MODES. `pty`, or a `pty_link` to the
-        device, puts the serial line behind a pseudo-terminal; else `port` is its host end. `camera` stays None where
-        no OpenGL library is to be had. Raises FloorError.
+        """`errors`: a name in errors.PROFILES; `camera`: one of options.CAMERAS. `pty_link` puts the serial
+        line behind a pseudo-terminal of that name; else `port` is its host end. `camera` stays None where no OpenGL
+        library is to be had. Raises FloorError.
         """
-        if camera not in CAMERA_MODES:
-            raise ValueError(f"there is no camera {camera!r}, choose one of {', '.join(CAMERA_MODES)}")
+        if camera not in CAMERAS:
+            raise ValueError(f"there is no camera {camera!r}, choose one of {', '.join(CAMERAS)}")
         profile = PROFILES[errors]
         line = SerialLine(profile, random_stream(seed, "serial"))
-        self.pty = PtyPort(line, pty_link) if pty or pty_link is not None else None
+        self._pty = PtyPort(line, pty_link) if pty_link is not None else None
         self.port = HostPort(line)
         scenery = None if camera == "off" else build_scenery(floor, camera, seed)
         self.camera: Camera | None = None
-        self.world = World(floor, start_index, seed, profile, board, self.pty or line, events, scenery)
+        self.world = World(floor, start_index, seed, profile, board, self._pty or line, events, scenery)
         if camera != "off":
             self._open_camera(camera)
 
@@ -72,16 +72,16 @@ class Simulation:
         for _ in range(steps):
             self.world.step()
 
-    def write_truth(self, run_dir: Path, power_on_s: float = 0.0) -> None:
-        """`truth.tum`: the true poses at 10 Hz in the floor's frame; `power_on_s` is the robot's clock at power-on."""
+    def write_truth(self, run_dir: Path) -> None:
+        """`truth.tum`: the true poses at 10 Hz in the floor's frame, on the clock of the world."""
         log = np.array(self.world.truth_log)
-        write_tum(run_dir / TRUTH_NAME, log[:, 0] + power_on_s, log[:, 1:])
+        write_tum(run_dir / TRUTH_NAME, log[:, 0], log[:, 1:])
 
     def close(self) -> None:
         if self.camera is not None:
             self.camera.close()
-        if self.pty is not None:
-            self.pty.close()
+        if self._pty is not None:
+            self._pty.close()
 
     def __enter__(self) -> Simulation:
         return self

@@ -215,10 +215,8 @@ def pulse_width_us(range_m: float) -> int:
 class SonarBank:
     """The five sensors on their ring, with the errors of a profile."""
 
-    def __init__(self, profile: ErrorProfile, rng: Random, bearings_rad: Sequence[float] = SONAR_BEARINGS_RAD) -> None:
-        """`bearings_rad`: one per sensor, left positive, in the order of constants.SONAR_NAMES."""
+    def __init__(self, profile: ErrorProfile, rng: Random) -> None:
         self._profile, self._rng = profile, rng
-        self._bearings_rad = tuple(bearings_rad)
         self._noisy = profile.sonar_gain_sd_db > 0.0
 
     def ping(
@@ -231,7 +229,7 @@ class SonarBank:
         """(sonar, pulse width in microseconds) of those fired together; `pose` is x_m, y_m, heading_rad of the hull."""
         ranges_m = {}
         for sonar in fired:
-            bearing_rad = pose[2] + self._bearings_rad[sonar]
+            bearing_rad = pose[2] + SONAR_BEARINGS_RAD[sonar]
             x_m = pose[0] + SONAR_RING_RADIUS_M * cos(bearing_rad)
             y_m = pose[1] + SONAR_RING_RADIUS_M * sin(bearing_rad)
             gain_db = self._rng.gauss(0.0, self._profile.sonar_gain_sd_db) if self._noisy else 0.0

@@ -47,6 +47,7 @@ class _Track:
     poses: FloatArray
 
     def at(self, times_s: FloatArray) -> FloatArray:
+        """Poses (N, 3) at times (N,), interpolated; the heading is not wrapped."""
         columns = (self.poses[:, 0], self.poses[:, 1], np.unwrap(self.poses[:, 2]))
         return np.column_stack([np.interp(times_s, self.times_s, column) for column in columns])
 

@@ -18,6 +18,7 @@ CELL_M = 0.05
 BORDER_M = 0.5
 WALL_STEP_M = 0.05
 PROBE_M = 0.15  # how far to each side of a wall free space is looked for
+RAY_MAX_M = 8.0
 SIGHT_SAMPLES = 60
 SIGHT_END_M = 0.12  # the end of a line of sight lies on the wall itself
 
@@ -67,12 +68,12 @@ class FreeSpace:
         at_end = (1 - share) * np.hypot(offset[:, 0], offset[:, 1])[:, None] < SIGHT_END_M
         return np.asarray((self.is_free(samples) | at_end).all(axis=1))
 
-    def ray_length_m(self, points_m: Points, angles_rad: FloatArray, limit_m: float = 8.0) -> FloatArray:
-        """How far from the points (N, 2) along the angles (N,) the next wall is."""
-        reach_m = np.arange(0.0, limit_m, CELL_M)
+    def ray_length_m(self, points_m: Points, angles_rad: FloatArray) -> FloatArray:
+        """(N,) how far from the points (N, 2) along the angles (N,) the next wall is, at most RAY_MAX_M."""
+        reach_m = np.arange(0.0, RAY_MAX_M, CELL_M)
         direction = np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
         blocked = ~self.is_free(points_m[:, None] + reach_m[None, :, None] * direction[:, None])
-        return np.where(blocked.any(axis=1), reach_m[blocked.argmax(axis=1)], limit_m)
+        return np.where(blocked.any(axis=1), reach_m[blocked.argmax(axis=1)], RAY_MAX_M)
 
 
 def _edges(floor: dict[str, Any]) -> Iterator[tuple[Points, Points]]:

@@ -13,7 +13,7 @@ FOOT_M = 2.2  # room for the scale bar under the map
 
 
 def frame(data: MapData) -> tuple[float, float, float, float]:
-    """Base point (lower left corner, in map coordinates), width and height: whole metres around everything there is."""
+    """Base point x and y (lower left corner, in the map), width and height: whole metres around all there is."""
     pois = np.array([[poi["x_m"], poi["y_m"]] for poi in data.pois], dtype=np.float64).reshape(-1, 2)
     everything = np.concatenate([data.points_m, data.trajectory[:, :2], pois, np.zeros((1, 2))])
     low = everything.min(axis=0) - (MARGIN_M, FOOT_M)

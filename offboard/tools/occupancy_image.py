@@ -42,10 +42,12 @@ class OccupancyImage:
     origin_y_m: float
 
     def pgm(self) -> bytes:
+        """A binary PGM file (P5)."""
         rows, columns = self.cells.shape
         return f"P5\n{columns} {rows}\n255\n".encode() + self.cells.tobytes()
 
     def yaml(self, image_name: str) -> str:
+        """What a ROS map server reads beside the image."""
         return (
             f"image: {image_name}\nmode: trinary\nresolution: {CELL_M}\n"
             f"origin: [{self.origin_x_m:.3f}, {self.origin_y_m:.3f}, 0.0]\nnegate: 0\n"

@@ -20,6 +20,8 @@ FIGURES = ("coverage", "map_rmse_m", "home_m", "ate_fit_m")
 
 @dataclass(frozen=True, slots=True)
 class RunLine:
+    """A run as `runs` lists it; `figures` those of FIGURES that its summary has."""
+
     folder: Path
     date: datetime
     floor: str

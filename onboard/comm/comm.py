@@ -18,7 +18,7 @@ from common.errors import ErrorCode
 from common.messages import PERMIT, STATUS, STOP, Permit
 from common.status import StatusReporter
 from onboard.comm.outbox import FILE_NAME, Outbox
-from onboard.comm.stop_latch import StopLatch, load_latch, save_latch
+from onboard.comm.stop_latch import RECORD_NAME, StopLatch, load_latch, save_latch
 from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, watch
 
 OFFBOARD_WATCHED = "recorder"
@@ -131,4 +131,4 @@ def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
     """The node of the process; the stop's record and the outbox stand in the log folder."""
     folder: Path | None = arguments.log_dir
     outbox = Outbox(folder / FILE_NAME if folder else None, config.comm.outbox_limit_mb * 1_000_000)
-    return Comm(config.comm, folder / "stop_latch.json" if folder else None, outbox)
+    return Comm(config.comm, folder / RECORD_NAME if folder else None, outbox)

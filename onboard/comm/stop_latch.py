@@ -14,6 +14,7 @@ from pathlib import Path
 
 from common.messages import StopRequest
 
+RECORD_NAME = "stop_latch.json"  # in the log folder of comm
 UNREADABLE = "operator"  # who is taken to hold a stop whose record cannot be read: what people can release
 
 _log = logging.getLogger("comm")

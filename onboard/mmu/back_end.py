@@ -10,15 +10,14 @@
 
 from __future__ import annotations
 
-from cmath import phase, rect
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import cos, pi, radians, sin
+from math import cos, radians, sin
 
 import numpy as np
 
-from common.geometry import FloatArray, Points, Pose2, wrap_angle
+from common.geometry import FloatArray, Points, Pose2, RightAngles, wrap_angle
 from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, in_map
 from onboard.mmu.pose_graph import DriftPrior, Edge, Kind, PoseGraph
 from onboard.mmu.scan_matching import Match, register
@@ -52,7 +51,7 @@ LOOP_SD_M = 0.07
 LOOP_SD_RAD = radians(0.6)
 PASSES_MAX = 2
 RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
-RIGHT_ANGLES_SHARE = 0.9  # mean resultant length of four times the direction
+RIGHT_ANGLES_SHARE = 0.9
 RIGHT_ANGLES_NEAR_RAD = radians(4.0)
 RIGHT_ANGLES_SD_RAD = radians(2.0)  # of one piece; neighbouring pieces say the same
 PIECE_WAY_M = 3.0
@@ -111,8 +110,7 @@ class BackEnd:
     _ways_m: list[float] = field(default_factory=list)
     _echoes: FrameStore = field(default_factory=FrameStore)
     _pieces: list[WallPiece] = field(default_factory=list)
-    _directions: complex = 0j  # metres of wall as unit vectors at four times their direction, summed
-    _directions_m: float = 0.0
+    _right_angles: RightAngles = field(default_factory=RightAngles)  # weight: metres of wall
     _matched_m: float = 0.0
     _tied_m: float = 0.0
 
@@ -284,16 +282,13 @@ class BackEnd:
 
     def _keep_right_angles(self, node: int, pose: Pose2, normal_rad: float, length_m: float) -> None:
         """Where the walls so far stand at right angles, a piece that nearly does too pulls the heading, softly."""
-        total_m = self._directions_m
-        self._directions += length_m * rect(1.0, 4 * normal_rad)
-        self._directions_m += length_m
-        if total_m < RIGHT_ANGLES_WALL_M or abs(self._directions) < RIGHT_ANGLES_SHARE * self._directions_m:
-            return
-        off_rad = (4 * normal_rad - phase(self._directions) + pi) % (2 * pi) - pi
-        if abs(off_rad / 4) > RIGHT_ANGLES_NEAR_RAD:
+        before_m = self._right_angles.weight
+        self._right_angles = self._right_angles.with_direction(normal_rad, length_m)
+        off_rad = self._right_angles.offset_rad(normal_rad, RIGHT_ANGLES_SHARE)
+        if before_m < RIGHT_ANGLES_WALL_M or off_rad is None or abs(off_rad) > RIGHT_ANGLES_NEAR_RAD:
             return
         information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
-        upright = Pose2(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad - off_rad / 4))
+        upright = Pose2(pose.x_m, pose.y_m, wrap_angle(pose.heading_rad - off_rad))
         self._graph.edges.append(Edge(0, node, upright, information, Kind.BEARING))
 
     def _tie_loops(self) -> None:

@@ -28,12 +28,11 @@ from common.messages import (
     Trajectory,
 )
 from common.status import StatusReporter
-from onboard.mmu.map_file import SavedMap, load_map
+from onboard.mmu.map_file import MAP_NAME, SavedMap, load_map
 from onboard.mmu.occupancy import CELL_M
 from onboard.mmu.slam import Carrier, Slam
 from onboard.mmu.worker import ProcessWorker, Worker
 
-MAP_FILE = "map.npz"
 GRID_PERIOD_S = 1.0
 TRAJECTORY_PERIOD_S = 10.0
 MAX_SD_M = MAP_TOLERANCE_M  # a pose less certain than this is not valid
@@ -140,5 +139,5 @@ class MappingUnit:
 def make_mapping_unit(config: Config, arguments: argparse.Namespace) -> MappingUnit:
     """The node of the process; the map stands in the log folder, and a process that comes back goes on in it."""
     folder: Path | None = arguments.log_dir
-    file = folder / MAP_FILE if folder else None
+    file = folder / MAP_NAME if folder else None
     return MappingUnit(ProcessWorker(file), config.sonars.bearings_rad, load_map(file) if file else None)

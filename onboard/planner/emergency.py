@@ -44,7 +44,10 @@ class Emergency:
 
 
 def nearest_ahead(ranges_m: tuple[float, ...]) -> tuple[float, float]:
-    """Distance from the hull (metres) and bearing of the nearest echo ahead; infinite where there is none."""
+    """Distance from the hull (metres) and bearing of the nearest echo ahead; infinite where there is none.
+
+    `ranges_m` (5) from the ring's centre, NaN = no echo.
+    """
     return min(
         ((ranges_m[i] - HULL_RADIUS_M, SONAR_BEARINGS_RAD[i]) for i in AHEAD if ranges_m[i] == ranges_m[i]),
         default=(float("inf"), 0.0),
@@ -60,7 +63,7 @@ def stopping_m(speed_m_s: float) -> float:
 def watch(
     state: Emergency, now_s: float, wanted: Speed, ranges_m: tuple[float, ...], speed_m_s: float
 ) -> tuple[Emergency, bool]:
-    """Next state, and whether the obstacle has just become one to plan around."""
+    """Next state, and whether the obstacle has just become one to plan around. `ranges_m` as of `nearest_ahead`."""
     distance_m, bearing_rad = nearest_ahead(ranges_m)
     limit_m = PLANNER_CLEARANCE_M + stopping_m(max(speed_m_s, SPEED_MEDIUM_M_S))
     near = distance_m < limit_m

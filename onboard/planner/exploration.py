@@ -13,8 +13,8 @@ from math import atan2, cos, hypot, sin
 import numpy as np
 import numpy.typing as npt
 
-from common.geometry import Points, Pose2, wrap_angle
-from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, GridMap, Mask
+from common.geometry import Points, Pose2
+from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, Cell, GridMap, Mask
 
 GROUP_CELLS_MIN = 5
 GROUP_COARSENESS = 2  # grid cells
@@ -25,6 +25,7 @@ OPENING_BEHIND_M = (-2.0, -0.5)  # where along the way an opening on the right i
 OPENING_SIDE_M = (-3.0, -0.3)
 OPENING_WIDTH_M = 0.6
 GIVEN_UP_RADIUS_M = 0.45
+ROOMY_SHARE = 0.8  # of the best clearance in a group
 
 
 Cells = npt.NDArray[np.int64]  # (N, 2) row, column
@@ -107,8 +108,25 @@ def groups(grid: GridMap, frontier: Frontier) -> list[FrontierGroup]:
     return found
 
 
+def roomy_cells(grid: GridMap, listed: list[FrontierGroup]) -> set[Cell]:
+    """Where to go for the entries of the list: of every group the cells away from the walls."""
+    wanted: set[Cell] = set()
+    for group in listed:
+        clearance_m = grid.clearance_m[tuple(group.cells.T)]
+        wanted |= as_set(group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()])
+    return wanted
+
+
+def as_set(cells: Cells) -> set[Cell]:
+    """Cells (N, 2) as pairs, to ask whether one is among them."""
+    return {(r, c) for r, c in cells.tolist()}
+
+
 def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Mask | None = None) -> float:
-    """How far the hull can go straight on by the grid; unknown floor counts as open, `blocked` cells do not."""
+    """How far (metres) the hull can go straight on by the grid, at most STRAIGHT_MAX_M.
+
+    Unknown floor counts as open, `blocked` cells do not.
+    """
     steps = np.arange(0.2, STRAIGHT_MAX_M, grid.cell_m)
     rows, columns = grid.line(
         (pose.x_m, pose.y_m),
@@ -125,7 +143,7 @@ def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Ma
 def something_ahead(
     grid: GridMap, frontier: Frontier, pose: Pose2, heading_rad: float, reach_m: float, side_m: float = STRAIGHT_SIDE_M
 ) -> bool:
-    """Is there frontier that will be seen in passing by driving straight on?"""
+    """Is there frontier that will be seen in passing by driving straight on for `reach_m`, up to `side_m` aside?"""
     if reach_m < STRAIGHT_MIN_M:
         return False
     points = _relative(frontier, pose, heading_rad)
@@ -140,7 +158,7 @@ def something_ahead(
 
 
 def opening_on_the_right(grid: GridMap, frontier: Frontier, pose: Pose2, heading_rad: float) -> Cells | None:
-    """Frontier cells of an opening on the right that was just passed and is wide enough to enter; None = wall right."""
+    """Frontier cells (N, 2) of an opening on the right, just passed and wide enough to enter; None = no opening."""
     points = _relative(frontier, pose, heading_rad)
     passed = (
         (points[:, 0] > OPENING_BEHIND_M[0])
@@ -171,29 +189,6 @@ def unknown_direction_rad(grid: GridMap, x_m: float, y_m: float, fallback_rad: f
     points = points[::3][seen] if seen.any() else points
     dx, dy = points.mean(axis=0)
     return atan2(float(dy), float(dx)) if hypot(float(dx), float(dy)) > 0.1 else fallback_rad
-
-
-def hall_direction_rad(points: Points, pose: Pose2, heading_rad: float) -> float | None:
-    """Direction of the wall on the right (else on the left) near the robot, within 20 degrees of `heading_rad`."""
-    c, s = cos(heading_rad), sin(heading_rad)
-    d = points - np.array([pose.x_m, pose.y_m])
-    along, side = d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c
-    near = (along > -3.0) & (along < 1.0)
-    for sign in (-1.0, 1.0):
-        mine = near & (side * sign > 0.2) & (side * sign < 3.5)
-        if mine.sum() < 15:
-            continue
-        x, y = along[mine], side[mine]
-        keep = np.abs(y - np.median(y)) < 0.3
-        for _ in range(3):
-            if keep.sum() < 15 or np.ptp(x[keep]) < 1.2:
-                break
-            slope, offset = np.polyfit(x[keep], y[keep], 1)
-            keep = np.abs(y - slope * x - offset) < 0.06
-        else:
-            if keep.mean() > 0.6 and abs(slope) < 0.36:
-                return wrap_angle(heading_rad + atan2(float(slope), 1.0))
-    return None
 
 
 def _relative(frontier: Frontier, pose: Pose2, heading_rad: float) -> Points:

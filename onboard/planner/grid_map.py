@@ -35,7 +35,10 @@ class GridMap:
 
     @classmethod
     def from_update(cls, update: GridUpdate) -> GridMap:
-        """Raises ValueError when the cells do not fill the announced shape."""
+        """What is known of the grid, with a margin, the gaps between neighbouring rays closed.
+
+        Raises zlib.error or ValueError when the cells cannot be unpacked or do not fill the announced shape.
+        """
         cells = np.frombuffer(zlib.decompress(update.cells_zlib), np.uint8).reshape(update.rows, update.columns)
         known = np.argwhere(cells != UNKNOWN)
         if not len(known):
@@ -50,6 +53,7 @@ class GridMap:
         )
 
     def cell(self, x_m: float, y_m: float) -> Cell:
+        """The cell at a position in the map; it may lie outside the grid (`contains`)."""
         return int((y_m - self.origin_y_m) // self.cell_m), int((x_m - self.origin_x_m) // self.cell_m)
 
     def centre(self, cell: Cell) -> tuple[float, float]:
@@ -65,18 +69,18 @@ class GridMap:
 
     @cached_property
     def clearance_m(self) -> npt.NDArray[np.float32]:
-        """Distance from each cell's centre to the nearest wall cell's centre, up to 1.6 m."""
+        """(rows, columns) from each cell's centre to the nearest wall cell's, at most CLEARANCE_MAX_CELLS far."""
         return _distance_cells(self.cells == WALL, CLEARANCE_MAX_CELLS) * np.float32(self.cell_m)
 
     @cached_property
     def standable(self) -> Mask:
-        """Free cells on which the hull keeps its distance from every known wall."""
+        """(rows, columns) free cells on which the hull keeps its distance from every known wall."""
         mask: Mask = (self.cells == FREE) & (self.clearance_m >= STAND_CLEARANCE_M)
         return mask
 
     @cached_property
     def frontier(self) -> Mask:
-        """Free cells beside unknown ones, away from walls and not alone: ways that nobody has looked into."""
+        """(rows, columns) free cells beside unknown ones, away from walls and not alone: where nobody has looked."""
         unknown = self.cells == UNKNOWN
         beside = np.zeros_like(unknown)
         beside[1:] |= unknown[:-1]
@@ -90,6 +94,7 @@ class GridMap:
 
     @property
     def area_m2(self) -> float:
+        """Of the free cells."""
         return float((self.cells == FREE).sum()) * self.cell_m**2
 
     def line(self, a: tuple[float, float], b: tuple[float, float]) -> tuple[npt.NDArray[np.int64], ...]:

@@ -6,24 +6,24 @@ It knows no messages and no clock of its own.
 
 from __future__ import annotations
 
-from cmath import phase, rect
 from dataclasses import dataclass
 from enum import Enum
-from math import atan2, cos, hypot, inf, pi, radians, sin
+from itertools import pairwise
+from math import atan2, cos, hypot, inf, radians, sin
 
 import numpy as np
 
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import Speed
 from onboard.planner import exploration
-from onboard.planner.exploration import Cells, Exploration, Frontier, FrontierGroup
+from onboard.planner.exploration import Cells, Exploration, Frontier, FrontierGroup, as_set
 from onboard.planner.grid_map import Cell, GridMap, Mask
-from onboard.planner.right_hand_rule import Turn, decide, shift_rad
-from onboard.planner.route_planning import cell_costs, pull_string, shortest_path, straight_is_clear
+from onboard.planner.hall_following import HallFollowing
+from onboard.planner.right_hand_rule import Turn, decide
+from onboard.planner.route_planning import cheapest_way
+from onboard.planner.setbacks import Obstacles, Stillness, TriedWays
+from onboard.planner.way_following import Way, arrived, rest_of, speed_along
 
-ARRIVED_M = 0.15
-FAST_CLEARANCE_M = 0.6
-FAST_LENGTH_M = 1.5
 FRONT_STOP_M = 0.5  # from the ring's centre: straight driving ends here
 LOOK_S = 1.2  # standing after a turn, for ranges and grid to catch up
 REST_EVERY_S = 30.0  # of motion, for the gyro's bias
@@ -31,28 +31,17 @@ REST_S = 1.3
 HEADING_REACHED_RAD = radians(3.0)
 TURN_TIMEOUT_S = 12.0
 BLOCK_AHEAD_M = 0.45
-BLOCK_RADIUS_M = 0.35
-BLOCK_FOR_S = 25.0
 RETRY_S = 3.0
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
-STAGNANT_M = 0.1
-STAGNANT_RAD = radians(20.0)
-STAGNANT_S = 20.0
-STEER_MAX_RAD = radians(10.0)
 SIDE_REACH_M = 1.2
 SIDE_WIDTH_M = 0.8
-DIRECTIONS_MIN = 30
-RIGHT_ANGLES_MIN = 0.6  # mean resultant length of four times the direction
-ALONG_RAD = radians(30.0)
-ROOMY_SHARE = 0.8
-VAIN_LEG_M = 0.3
-VAIN_LEG_RAD = radians(30.0)
-OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
 
 
 class Mode(Enum):
+    """What the mission is about; the value is what people are told."""
+
     WAITING = "waiting for start"
     STRAIGHT = "following the hall"
     ROUTE = "driving to a side hall"
@@ -75,7 +64,10 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What the mission sees in one tick. Distances from the ring's centre, NaN = no echo."""
+    """What the mission sees in one tick: `points` (N, 2) of walls near the robot, distances from the ring's centre.
+
+    NaN = no echo; `grid_revision` grows with every new grid.
+    """
 
     now_s: float
     pose: Pose2
@@ -90,16 +82,15 @@ class View:
 class Mission:
     """`step` returns the wanted motion; `mode`, `groups` and `way` tell people what it is about."""
 
-    def __init__(self, returns_home: bool = True) -> None:
+    def __init__(self) -> None:
         self.mode = Mode.WAITING
         self.groups: list[FrontierGroup] = []
-        self.way: list[tuple[float, float]] = []
-        self._returns_home = returns_home
+        self.way: Way = []
         self._exploration = Exploration()
         self._frontier: Frontier = exploration.NOWHERE
         self._blocked: Mask = np.zeros((0, 0), dtype=bool)
         self._grid_seen = -1
-        self._leg_rad = 0.0
+        self._hall = HallFollowing()
         self._look_rad = 0.0
         self._look_since_s = 0.0
         self._look_settled_s = inf
@@ -107,24 +98,16 @@ class Mission:
         self._moving_s = 0.0
         self._rest_until_s = -inf
         self._last_s: float | None = None
-        self._blocks: list[tuple[float, float, float]] = []  # where, and until when
-        self._block_history: list[tuple[float, float]] = []  # what stands there again and again stays longer
-        self._patience_until_s = -inf
+        self._obstacles = Obstacles()
+        self._tried = TriedWays()
+        self._stillness = Stillness()
         self._empty_lists = 0
-        self._opening_checked: Pose2 | None = None
-        self._leg_start: Pose2 | None = None
         self._obstructions = 0  # since the last arrival
-        self._directions = 0j  # sum of unit vectors at four times the halls' directions
-        self._directions_seen = 0
-        self._anchor: Pose2 | None = None
-        self._still_s = 0.0
         self._at_junction = False  # a leg has ended, and no way on is chosen yet
-        self._vain_legs: list[Pose2] = []  # where driving straight on led nowhere
         self._retake_rad = 0.0
         self._retry_s = 0.0
         self._retry_mode = Mode.HOME
         self._align_until_s = 0.0
-        self._tried: list[Pose2] = []  # where it turned to a side way
 
     @property
     def finished(self) -> bool:
@@ -137,9 +120,11 @@ class Mission:
             self._look(pose.heading_rad, now_s)
 
     def go_home(self) -> None:
+        """Give up what is left of the list."""
         self.mode, self.way = Mode.HOME, []
 
     def go_to(self, x_m: float, y_m: float) -> None:
+        """Drive to a place on the map, and stay there."""
         self.mode, self.way, self._target = Mode.GOTO, [], (x_m, y_m)
 
     def detour(self, pose: Pose2) -> None:
@@ -157,11 +142,7 @@ class Mission:
         """Something stands in the way that the map does not know: plan around it for a while."""
         angle = view.pose.heading_rad + bearing_rad
         x_m, y_m = view.pose.x_m + BLOCK_AHEAD_M * cos(angle), view.pose.y_m + BLOCK_AHEAD_M * sin(angle)
-        earlier = sum(hypot(x_m - x, y_m - y) < BLOCK_RADIUS_M for x, y in self._block_history)
-        self._block_history.append((x_m, y_m))
-        self._blocks.append((x_m, y_m, view.now_s + BLOCK_FOR_S * 2.0**earlier))
-        if not earlier:
-            self._patience_until_s = view.now_s + BLOCK_FOR_S
+        self._obstacles.add(x_m, y_m, view.now_s)
         # Most often this is a wall that was met at a slant and not yet placed: nothing is to be found behind it
         self._exploration.put_off(x_m, y_m)
         if self.mode is Mode.STRAIGHT:
@@ -175,12 +156,13 @@ class Mission:
         self._grid_seen = -1
 
     def step(self, view: View) -> Motion:
+        """The motion that is wanted now; with rests in between for the gyro."""
         dt_s = view.now_s - self._last_s if self._last_s is not None else 0.0
         self._last_s = view.now_s
-        self._blocks = [b for b in self._blocks if b[2] > view.now_s]
+        self._obstacles.forget(view.now_s)
         if view.grid_revision != self._grid_seen:
             self._grid_seen = view.grid_revision
-            self._blocked = self._blocked_mask(view.grid)
+            self._blocked = self._obstacles.mask(view.grid)
             self._frontier = self._exploration.frontier(view.grid, self._blocked)
             self.groups = exploration.groups(view.grid, self._frontier)
         if view.now_s < self._rest_until_s:
@@ -194,22 +176,9 @@ class Mission:
             self._rest_until_s = view.now_s + REST_S
         return motion
 
-    def _stagnates(self, view: View, dt_s: float) -> bool:
-        """It is under way to something and has not moved for a while, whatever the reason."""
-        anchor, self._still_s = self._anchor, self._still_s + min(dt_s, 0.5)
-        if (
-            anchor is None
-            or self.mode is not Mode.ROUTE
-            or anchor.distance_m(view.pose) > STAGNANT_M
-            or abs(wrap_angle(anchor.heading_rad - view.pose.heading_rad)) > STAGNANT_RAD
-        ):
-            self._anchor, self._still_s = view.pose, 0.0
-        return self._still_s > STAGNANT_S
-
     def _act(self, view: View, dt_s: float) -> Motion:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
-        if self._stagnates(view, dt_s):
-            self._anchor = None
+        if self._stillness.stagnates(view.pose, dt_s, under_way=self.mode is Mode.ROUTE):
             self._exploration.put_off(*self._target)
             self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
@@ -245,18 +214,17 @@ class Mission:
 
     def _choose(self, view: View) -> None:
         """P3.0: the right-most way that shows something new, back out of a dead end, else the next of the list."""
-        heading_rad = self._along_hall(view.pose.heading_rad)
-        ways = {turn: self._along_hall(wrap_angle(heading_rad + turn.value)) for turn in Turn}
+        heading_rad = self._hall.along(view.pose.heading_rad)
+        ways = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
         open_ways = {turn for turn, way_rad in ways.items() if self._shows_new(view, way_rad, turn is Turn.FORWARD)}
         # A way that was chosen is driven before the next choice, or the robot would go round and round on the spot
         turn = Turn.FORWARD if Turn.FORWARD in open_ways and not self._at_junction else decide(open_ways)
         self._at_junction = False
         if turn is Turn.FORWARD:
-            self.mode, self._leg_rad, self._opening_checked = Mode.STRAIGHT, heading_rad, view.pose
-            self._leg_start = view.pose
-            self._empty_lists = 0
+            self.mode, self._empty_lists = Mode.STRAIGHT, 0
+            self._hall.begin(view.pose, heading_rad)
         elif turn in open_ways:
-            self._tried.append(_facing(view.pose, ways[turn]))
+            self._tried.add_side(_facing(view.pose, ways[turn]))
             self._look(ways[turn], view.now_s)
         else:
             self._take_from_list(view)
@@ -266,24 +234,16 @@ class Mission:
         side = _facing(view.pose, way_rad)
         reach_m = exploration.straight_reach_m(view.grid, side, way_rad, self._blocked)
         if forward:
-            ruled_out = self._front_is_near(view) or _near(view.pose, self._vain_legs)
+            ruled_out = self._front_is_near(view) or self._tried.leg_in_vain(view.pose)
             width_m = exploration.STRAIGHT_SIDE_M
         else:
-            ruled_out = reach_m < SIDE_REACH_M or _near(side, [*self._vain_legs, *self._tried])
+            ruled_out = reach_m < SIDE_REACH_M or self._tried.tried(side)
             width_m = SIDE_WIDTH_M
         return not ruled_out and exploration.something_ahead(view.grid, self._frontier, side, way_rad, reach_m, width_m)
 
-    def _along_hall(self, heading_rad: float) -> float:
-        """The building's own direction next to a heading, where it has right angles and one is near; else the same."""
-        if self._directions_seen < DIRECTIONS_MIN or abs(self._directions) < RIGHT_ANGLES_MIN * self._directions_seen:
-            return heading_rad
-        base_rad = phase(self._directions) / 4
-        nearest_rad = base_rad + round((heading_rad - base_rad) / (pi / 2)) * (pi / 2)
-        return wrap_angle(nearest_rad) if abs(wrap_angle(nearest_rad - heading_rad)) < ALONG_RAD else heading_rad
-
     def _take_from_list(self, view: View, cells: Cells | None = None) -> bool:
         """Set out for the nearest of these cells, or of the whole list; False where no way leads there."""
-        wanted = self._list_cells(view.grid) if cells is None else goal_set(cells)
+        wanted = exploration.roomy_cells(view.grid, self.groups) if cells is None else as_set(cells)
         route = self._route(view, wanted) if wanted else None
         if route is not None:
             self._empty_lists = 0
@@ -293,75 +253,38 @@ class Mission:
         if cells is not None:
             return False
         # What stands in the way may hide a way: nothing is concluded before it is forgotten
-        self._empty_lists += 0 if view.now_s < self._patience_until_s else 1
+        self._empty_lists += 0 if self._obstacles.may_hide_a_way(view.now_s) else 1
         if self._empty_lists < LIST_PATIENCE or self._exploration.try_again():
             self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
-        elif self._returns_home:
-            self.go_home()
         else:
-            self.mode = Mode.DONE
+            self.go_home()
         return False
 
-    def _list_cells(self, grid: GridMap) -> set[Cell]:
-        """Where to go for the entries of the list: their cells away from the walls."""
-        wanted: set[Cell] = set()
-        for group in self.groups:
-            clearance_m = grid.clearance_m[tuple(group.cells.T)]
-            wanted |= goal_set(group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()])
-        return wanted
-
-    def _route(self, view: View, wanted: set[Cell]) -> list[tuple[float, float]] | None:
+    def _route(self, view: View, wanted: set[Cell]) -> Way | None:
         """Way points to the cheapest of the wanted cells; None where no way leads there."""
-        start = view.grid.cell(view.pose.x_m, view.pose.y_m)
-        if not view.grid.contains(start):
-            return None
-        blocked = self._blocked_mask(view.grid)
-        found = shortest_path(cell_costs(view.grid, start, blocked), start, lambda cell: cell in wanted)
-        return None if found is None else pull_string(view.grid, found[0], blocked)
-
-    def _blocked_mask(self, grid: GridMap) -> Mask:
-        """Cells around what stood in the way lately."""
-        if not self._blocks:
-            return np.zeros(grid.cells.shape, dtype=bool)
-        rows, columns = np.indices(grid.cells.shape)
-        x = grid.origin_x_m + (columns + 0.5) * grid.cell_m
-        y = grid.origin_y_m + (rows + 0.5) * grid.cell_m
-        mask = np.zeros(grid.cells.shape, dtype=bool)
-        for bx_m, by_m, _ in self._blocks:
-            mask |= np.hypot(x - bx_m, y - by_m) < BLOCK_RADIUS_M
-        return mask
+        return cheapest_way(view.grid, view.pose, wanted, self._obstacles.mask(view.grid))
 
     def _front_is_near(self, view: View) -> bool:
         return view.front_m < FRONT_STOP_M
 
     def _drive_straight(self, view: View) -> Motion:
         pose = view.pose
-        direction = exploration.hall_direction_rad(view.points, pose, self._leg_rad)
-        if direction is not None:
-            self._directions += rect(1.0, 4 * direction)
-            self._directions_seen += 1
-            self._leg_rad = wrap_angle(self._leg_rad + 0.15 * wrap_angle(direction - self._leg_rad))
-        reach_m = exploration.straight_reach_m(view.grid, pose, self._leg_rad, self._blocked)
-        if self._opening_checked is None or self._opening_checked.distance_m(pose) > OPENING_PATIENCE_M:
-            opening = exploration.opening_on_the_right(view.grid, self._frontier, pose, self._leg_rad)
-            if opening is not None:
-                self._opening_checked = pose
-                if self._take_from_list(view, opening):
-                    return Motion(Speed.STOP, pose.heading_rad)
+        self._hall.see(view.points, pose)
+        opening = self._hall.opening_passed(view.grid, self._frontier, pose)
+        if opening is not None and self._take_from_list(view, opening):
+            return Motion(Speed.STOP, pose.heading_rad)
+        leg_rad = self._hall.heading_rad
+        reach_m = exploration.straight_reach_m(view.grid, pose, leg_rad, self._blocked)
         if self._front_is_near(view) or not exploration.something_ahead(
-            view.grid, self._frontier, pose, self._leg_rad, reach_m
+            view.grid, self._frontier, pose, leg_rad, reach_m
         ):
             self._end_leg(view)
             return Motion(Speed.STOP, pose.heading_rad)
-        wanted_rad = self._leg_rad + shift_rad(view.left_m, view.right_m)
-        # Never so much at once that the Carrier would stop to turn on the spot
-        change_rad = max(-STEER_MAX_RAD, min(STEER_MAX_RAD, wrap_angle(wanted_rad - pose.heading_rad)))
-        return Motion(Speed.MEDIUM, wrap_angle(pose.heading_rad + change_rad))
+        return Motion(Speed.MEDIUM, self._hall.steered_rad(pose, view.left_m, view.right_m))
 
     def _end_leg(self, view: View) -> None:
-        if self._leg_start is not None and self._leg_start.distance_m(view.pose) < VAIN_LEG_M:
-            self._vain_legs.append(self._leg_start)
+        self._tried.add_leg(self._hall.start, view.pose)
         self._at_junction = True
         self._look(view.pose.heading_rad, view.now_s)
 
@@ -373,16 +296,15 @@ class Mission:
         if self.mode is Mode.ROUTE and not self._still_wanted(view):
             self._look(pose.heading_rad, view.now_s)
             return stand
-        end = self.way[-1]
-        if hypot(end[0] - pose.x_m, end[1] - pose.y_m) < ARRIVED_M:
+        if arrived(self.way, pose):
             self._arrive(view)
             return stand
         if not self._way_is_clear(view):
             self.way = []
             return stand
-        carrot = self._carrot(pose)
-        heading_rad = atan2(carrot[1] - pose.y_m, carrot[0] - pose.x_m)
-        return Motion(self._speed(view, heading_rad), heading_rad)
+        self.way = rest_of(self.way, pose)
+        heading_rad = atan2(self.way[0][1] - pose.y_m, self.way[0][0] - pose.x_m)
+        return Motion(speed_along(self.way, pose, heading_rad, view.grid), heading_rad)
 
     def _plan_way(self, view: View) -> bool:
         """A way for the present mode; False where there is none (now)."""
@@ -424,56 +346,14 @@ class Mission:
             return
         direction = exploration.unknown_direction_rad(view.grid, view.pose.x_m, view.pose.y_m, view.pose.heading_rad)
         self._exploration.give_up(*self._target)
-        self._look(self._along_hall(direction), view.now_s)
+        self._look(self._hall.along(direction), view.now_s)
 
     def _way_is_clear(self, view: View) -> bool:
-        a = (view.pose.x_m, view.pose.y_m)
-        blocked = [(b[0], b[1]) for b in self._blocks]
-        for b in self.way[:2]:
-            if any(_distance_to_leg(p, a, b) < BLOCK_RADIUS_M - 0.05 for p in blocked):
-                return False
-            a = b
-        return view.grid.sees((view.pose.x_m, view.pose.y_m), self.way[0])
-
-    def _carrot(self, pose: Pose2) -> tuple[float, float]:
-        """The point to steer for: some way ahead on the way; passed points are dropped."""
-        while len(self.way) > 1:
-            first, second = self.way[0], self.way[1]
-            near = hypot(first[0] - pose.x_m, first[1] - pose.y_m) < ARRIVED_M
-            passed = (second[0] - first[0]) * (pose.x_m - first[0]) + (second[1] - first[1]) * (
-                pose.y_m - first[1]
-            ) > 0.0 and hypot(first[0] - pose.x_m, first[1] - pose.y_m) < 0.4
-            if not (near or passed):
-                break
-            self.way.pop(0)
-        return self.way[0]
-
-    def _speed(self, view: View, heading_rad: float) -> Speed:
-        to_go_m = hypot(self.way[0][0] - view.pose.x_m, self.way[0][1] - view.pose.y_m)
-        if to_go_m < FAST_LENGTH_M or abs(wrap_angle(heading_rad - view.pose.heading_rad)) > radians(10.0):
-            return Speed.MEDIUM
-        ahead = (view.pose.x_m + 1.0 * cos(heading_rad), view.pose.y_m + 1.0 * sin(heading_rad))
-        wide = straight_is_clear(view.grid, (view.pose.x_m, view.pose.y_m), ahead, FAST_CLEARANCE_M)
-        return Speed.HIGH if wide else Speed.MEDIUM
-
-
-def _near(pose: Pose2, others: list[Pose2]) -> bool:
-    """Is one of the others about here and about this way?"""
-    return any(
-        other.distance_m(pose) < VAIN_LEG_M and abs(wrap_angle(other.heading_rad - pose.heading_rad)) < VAIN_LEG_RAD
-        for other in others
-    )
+        """Nothing that was met stands on the next two legs, and no wall was seen on the next."""
+        here = (view.pose.x_m, view.pose.y_m)
+        on_legs = any(self._obstacles.on_leg(a, b) for a, b in pairwise([here, *self.way[:2]]))
+        return not on_legs and view.grid.sees(here, self.way[0])
 
 
 def _facing(pose: Pose2, heading_rad: float) -> Pose2:
     return Pose2(pose.x_m, pose.y_m, heading_rad)
-
-
-def goal_set(cells: Cells) -> set[Cell]:
-    return {(r, c) for r, c in cells.tolist()}
-
-
-def _distance_to_leg(p: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    f = max(0.0, min(1.0, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-9)))
-    return hypot(p[0] - a[0] - f * dx, p[1] - a[1] - f * dy)

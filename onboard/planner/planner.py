@@ -232,5 +232,6 @@ class Planner:
 
 
 def _median(values: deque[float]) -> float:
+    """Of those that were heard; NaN where most were not."""
     heard = sorted(v for v in values if v == v)
     return heard[len(heard) // 2] if len(heard) > len(values) // 2 else math.nan

@@ -9,6 +9,7 @@ from math import sqrt
 import numpy as np
 
 from common.constants import HULL_RADIUS_M
+from common.geometry import Pose2
 from onboard.planner.grid_map import FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
 
 COMFORT_M = 0.8  # nearer to a wall than this a way costs more
@@ -19,8 +20,17 @@ START_RADIUS_CELLS = 4  # around the robot every free cell may be stood on: it s
 _NEIGHBOURS = [(i, j, sqrt(i * i + j * j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
+def cheapest_way(grid: GridMap, pose: Pose2, wanted: set[Cell], blocked: Mask) -> list[tuple[float, float]] | None:
+    """Way points (map, metres) from a pose to the cheapest of the wanted cells; None where no way leads there."""
+    start = grid.cell(pose.x_m, pose.y_m)
+    if not grid.contains(start):
+        return None
+    found = shortest_path(cell_costs(grid, start, blocked), start, lambda cell: cell in wanted)
+    return None if found is None else pull_string(grid, found[0], blocked)
+
+
 def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[list[float]]:
-    """Price of a metre on every cell, dear where the hull hardly fits, 0 where it does not."""
+    """(rows, columns) cost of a step of one cell: its metres, dear where the hull hardly fits; 0 where it does not."""
     clearance = grid.clearance_m
     allowed = (grid.cells == FREE) & (clearance >= TIGHT_CLEARANCE_M)
     if blocked is not None:
@@ -38,9 +48,12 @@ def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[
 
 
 def shortest_path(
-    costs: list[list[float]], start: Cell, is_goal: Callable[[Cell], bool], limit: float = float("inf")
+    costs: list[list[float]], start: Cell, is_goal: Callable[[Cell], bool]
 ) -> tuple[list[Cell], float] | None:
-    """Cells from `start` to the cheapest goal and the cost, or None where no goal is within `limit`."""
+    """Cells from `start` to the cheapest goal and the cost, or None where no goal can be reached (Dijkstra 1959).
+
+    `costs` as of `cell_costs`; a diagonal step costs the square root of two times as much.
+    """
     rows, columns = len(costs), len(costs[0])
     if not (0 <= start[0] < rows and 0 <= start[1] < columns):
         return None
@@ -51,8 +64,6 @@ def shortest_path(
         cost, cell = heapq.heappop(queue)
         if cost > best[cell]:
             continue
-        if cost > limit:
-            return None
         if is_goal(cell):
             path = [cell]
             while path[-1] in parent:

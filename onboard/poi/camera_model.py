@@ -35,6 +35,7 @@ class CameraModel:
         return LOOKS_AT_RAD - atan((u_px - self.width_px / 2) / self.focal_px)
 
     def column_px(self, bearing_rad: float) -> float:
+        """The inverse of `bearing_rad`."""
         return self.width_px / 2 - self.focal_px * tan(bearing_rad - LOOKS_AT_RAD)
 
     def height_m(self, v_px: float, depth_m: float) -> float:
@@ -42,7 +43,9 @@ class CameraModel:
         return CAMERA_HEIGHT_M - (v_px - self.height_px / 2) / self.focal_px * depth_m
 
     def row_px(self, height_m: float, depth_m: float) -> float:
+        """The inverse of `height_m`."""
         return self.height_px / 2 - (height_m - CAMERA_HEIGHT_M) / depth_m * self.focal_px
 
     def metres_per_px(self, depth_m: float) -> float:
+        """Scale of a wall square to the axis."""
         return depth_m / self.focal_px

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 Image = npt.NDArray[np.uint8]  # (height, width, 3), blue green red
+Gray = npt.NDArray[np.uint8]  # (height, width)
 
 PREVIEW_SIZE_PX = (640, 480)
 FULL_SIZE_PX = (1280, 960)

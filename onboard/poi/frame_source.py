@@ -8,6 +8,7 @@ somebody else serves frames. All but the first two are for machines without a ca
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,6 +21,7 @@ from onboard.poi.frame_socket import SocketFrames
 
 EXPOSURE_US = 15_000  # at 0.16 m/s a plate's stroke moves by 2.4 mm meanwhile
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp")
+_ROUNDING_S = 1e-6  # of clocks that add up steps
 
 
 class FrameSource(Protocol):
@@ -36,10 +38,45 @@ class FrameSource(Protocol):
     def close(self) -> None: ...
 
 
-class PiCameraFrames:
+class PacedFrames(ABC):
+    """A camera that takes a picture when it is told to: a preview every PREVIEW_PERIOD_S, a full frame per request."""
+
+    def __init__(self) -> None:
+        self._due_s = 0.0
+        self._wanted = False
+
+    def preview(self, now_s: float) -> Frame | None:
+        if now_s < self._due_s - _ROUNDING_S:
+            return None
+        self._due_s = now_s + PREVIEW_PERIOD_S
+        return self._capture_preview(now_s)
+
+    def request_full(self) -> None:
+        self._wanted = True
+
+    def full(self, now_s: float) -> Frame | None:
+        if not self._wanted:
+            return None
+        self._wanted = False
+        return self._capture_full(now_s)
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+    @abstractmethod
+    def _capture_preview(self, now_s: float) -> Frame | None:
+        """A frame of PREVIEW_SIZE_PX; None when the camera gave none."""
+
+    @abstractmethod
+    def _capture_full(self, now_s: float) -> Frame | None:
+        """A full frame, or the newest one of a camera with one stream; None when the camera gave none."""
+
+
+class PiCameraFrames(PacedFrames):
     """Picamera2: `lores` is the preview and `main` the full frame of one sensor. Exposure and colours stay locked."""
 
     def __init__(self) -> None:
+        super().__init__()
         try:
             from picamera2 import Picamera2  # of the system: it cannot be installed from PyPI
         except ImportError as error:
@@ -56,92 +93,63 @@ class PiCameraFrames:
             )
         )
         self._camera.start()
-        self._due_s = 0.0
-        self._wanted = False
-
-    def preview(self, now_s: float) -> Frame | None:
-        if now_s < self._due_s:
-            return None
-        self._due_s = now_s + PREVIEW_PERIOD_S
-        planes = self._camera.capture_array("lores")
-        return Frame(now_s, np.asarray(cv2.cvtColor(planes, cv2.COLOR_YUV2BGR_I420), dtype=np.uint8))
-
-    def request_full(self) -> None:
-        self._wanted = True
-
-    def full(self, now_s: float) -> Frame | None:
-        if not self._wanted:
-            return None
-        self._wanted = False
-        return Frame(now_s, np.asarray(self._camera.capture_array("main"), dtype=np.uint8))
 
     def close(self) -> None:
         self._camera.stop()
 
+    def _capture_preview(self, now_s: float) -> Frame:
+        planes = self._camera.capture_array("lores")
+        return Frame(now_s, np.asarray(cv2.cvtColor(planes, cv2.COLOR_YUV2BGR_I420), dtype=np.uint8))
 
-class VideoFrames:
+    def _capture_full(self, now_s: float) -> Frame:
+        return Frame(now_s, np.asarray(self._camera.capture_array("main"), dtype=np.uint8))
+
+
+class VideoFrames(PacedFrames):
     """A USB camera by OpenCV; its one stream is scaled down for the preview."""
 
     def __init__(self, device: str | int) -> None:
+        super().__init__()
         self._capture = cv2.VideoCapture(device, cv2.CAP_V4L2)
         if not self._capture.isOpened():
             raise StartError(f"No camera answers at {device}: plug it in, or correct poi.source in robot.toml.")
         self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, FULL_SIZE_PX[0])
         self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, FULL_SIZE_PX[1])
-        self._due_s = 0.0
         self._newest: Frame | None = None
-        self._wanted = False
 
-    def preview(self, now_s: float) -> Frame | None:
-        if now_s < self._due_s:
-            return None
-        self._due_s = now_s + PREVIEW_PERIOD_S
+    def close(self) -> None:
+        self._capture.release()
+
+    def _capture_preview(self, now_s: float) -> Frame | None:
         works, image = self._capture.read()
         if not works:
             return None
         self._newest = Frame(now_s, np.asarray(image, dtype=np.uint8))
         return Frame(now_s, np.asarray(cv2.resize(image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA), np.uint8))
 
-    def request_full(self) -> None:
-        self._wanted = True
-
-    def full(self, now_s: float) -> Frame | None:
-        if not self._wanted or self._newest is None:
-            return None
-        self._wanted = False
+    def _capture_full(self, now_s: float) -> Frame | None:
         return self._newest
 
-    def close(self) -> None:
-        self._capture.release()
 
-
-class StoredFrames:
+class StoredFrames(PacedFrames):
     """Photos of a file or folder in the order of their names, one after the other as previews and full frames."""
 
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self._files = photo_files(path)
-        self._due_s = 0.0
         self._newest: Frame | None = None
-        self._wanted = False
-
-    def preview(self, now_s: float) -> Frame | None:
-        if now_s < self._due_s or not self._files:
-            return None
-        self._due_s = now_s + PREVIEW_PERIOD_S
-        self._newest = Frame(now_s, read_photo(self._files.pop(0)))
-        return Frame(now_s, np.asarray(cv2.resize(self._newest.image, PREVIEW_SIZE_PX), dtype=np.uint8))
-
-    def request_full(self) -> None:
-        self._wanted = True
-
-    def full(self, now_s: float) -> Frame | None:
-        if not self._wanted:
-            return None
-        self._wanted = False
-        return self._newest
 
     def close(self) -> None:
         """Nothing is held open."""
+
+    def _capture_preview(self, now_s: float) -> Frame | None:
+        if not self._files:
+            return None
+        self._newest = Frame(now_s, read_photo(self._files.pop(0)))
+        return Frame(now_s, np.asarray(cv2.resize(self._newest.image, PREVIEW_SIZE_PX), dtype=np.uint8))
+
+    def _capture_full(self, now_s: float) -> Frame | None:
+        return self._newest
 
 
 def open_source(uri: str) -> FrameSource:

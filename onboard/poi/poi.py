@@ -19,11 +19,12 @@ from common.messages import PERMIT, POI, RETAKE, PointOfInterest, PoiRequest
 from common.status import StatusReporter
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.door_detection import ColourBox
-from onboard.poi.door_records import Door, Sign, State
+from onboard.poi.doors import Door, State
 from onboard.poi.frame import FULL_SIZE_PX
 from onboard.poi.frame_source import FrameSource
 from onboard.poi.reading_worker import Read, ReadingWorker, read
 from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_before
+from onboard.poi.sightings import Sign
 from onboard.poi.sign_placement import WallPoint
 from onboard.poi.sign_reading import SignReader, SignRules
 from onboard.poi.survey import Survey

@@ -36,6 +36,8 @@ _log = logging.getLogger("poi")
 
 
 class Reader(Protocol):
+    """What finds text; `sign_reading.SignReader`."""
+
     def lines(self, image: Image) -> list[TextLine]: ...
 
 
@@ -60,6 +62,8 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
+    """What a job came to; no finding = nothing legible."""
+
     job: Job
     findings: tuple[Finding, ...]
 
@@ -96,6 +100,8 @@ def _cut_off(line: TextLine, width_px: int) -> bool:
 
 
 class ReadingWorker(Protocol):
+    """Takes jobs and hands their readings out in the same order; neither call waits."""
+
     @property
     def pending(self) -> int: ...
 
@@ -113,7 +119,7 @@ class ReadingWorker(Protocol):
 Read = Callable[[Job], Reading]
 
 
-class DeferredWorker:
+class DeferredReading:
     """Lockstep: a result comes LATENCY_S of simulated time after its job, whatever the reading took."""
 
     ready = True

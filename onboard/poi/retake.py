@@ -30,6 +30,8 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Retake:
+    """State between steps: where it drives or holds, and since when."""
+
     phase: Phase = Phase.IDLE
     goal: Pose2 | None = None
     since_s: float = 0.0
@@ -46,13 +48,17 @@ def pose_before(spot: WallPoint, distance_m: float) -> Pose2:
 
 
 def begin(goal: Pose2, now_s: float) -> tuple[Retake, PoiCommand]:
+    """The first state, and what to tell the planner."""
     return Retake(Phase.DRIVING, goal, now_s), PoiCommand.GOTO
 
 
 def after(
     state: Retake, pose: Pose2, motion: tuple[float, float], photos: int, now_s: float
 ) -> tuple[Retake, PoiCommand | None]:
-    """The state now, and what to tell the planner; `photos` were taken and read since the hold began."""
+    """The state now, and what to tell the planner.
+
+    `motion` speed (m/s) and turning rate (rad/s), unsigned; `photos` were taken and read since the hold began.
+    """
     age_s = now_s - state.since_s
     if state.phase is Phase.DRIVING:
         assert state.goal is not None

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-Gray = npt.NDArray[np.uint8]  # (height, width)
+from onboard.poi.frame import Gray
 
 NORMAL_HEIGHT_PX = 160
 _HIGH_FREQUENCY = 0.25  # cycles per pixel
@@ -20,6 +20,8 @@ _HIGH_FREQUENCY = 0.25  # cycles per pixel
 
 @dataclass(frozen=True, slots=True)
 class Sharpness:
+    """Larger is sharper; comparable between photos only."""
+
     gradient: float  # what decides
     laplacian_variance: float
     high_frequency_share: float

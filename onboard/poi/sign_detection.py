@@ -10,11 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from onboard.poi.camera_model import CameraModel
-
-Gray = npt.NDArray[np.uint8]
+from onboard.poi.frame import Gray
 
 SIGN_LOW_M, SIGN_HIGH_M = 1.15, 1.85
 WIDTH_M = (0.03, 0.45)
@@ -43,7 +41,7 @@ class Box:
 
 
 def sign_candidates(gray: Gray, camera: CameraModel, depth_m: float) -> list[Box]:
-    """Boxes of what may be a sign, none of them cut off by the border, left to right."""
+    """Boxes of what may be a sign, none of them cut off by the border, left to right; `depth_m` to the wall."""
     m_per_px = camera.metres_per_px(depth_m)
     top, bottom = (int(np.clip(camera.row_px(z, depth_m), 0, gray.shape[0])) for z in (SIGN_HIGH_M, SIGN_LOW_M))
     if bottom - top < 8:

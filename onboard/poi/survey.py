@@ -58,7 +58,6 @@ class Survey:
         self._driven_m = 0.0
         self._last: Pose2 | None = None
         self._full_at_m, self._full_at_s = -inf, -inf
-        self._echo_s = -inf
 
     def listen(self, bus: Bus, now_s: float) -> None:
         """Takes in poses, echoes and the map."""

@@ -30,6 +30,7 @@ class WallMap:
         self._points: Points = np.zeros((0, 2))
 
     def add(self, update: MapUpdate) -> None:
+        """An increment; one that does not continue what is here is left out until the map begins anew."""
         points = update.points_m.astype(np.float64)
         if update.start == 0:
             self._points = points

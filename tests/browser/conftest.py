@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from common.constants import MAP_DENSITY_PER_M
 from common.messages import MAP, PERMIT, POI, POSE, MapUpdate, Permit, PointOfInterest, PoseEstimate
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
@@ -61,7 +62,7 @@ class Robot:
 
     def wall(self, y_m: float, length_m: float = 8.0) -> None:
         """A wall from x 0 on, at the density of the specification."""
-        xs = np.arange(0.0, length_m, 0.1)
+        xs = np.arange(0.0, length_m, 1.0 / MAP_DENSITY_PER_M)
         points = np.column_stack([xs, np.full(len(xs), y_m)]).astype(np.float32)
         self.feed.take(MAP, MapUpdate(0.0, 1, self._points, points, np.zeros(len(xs), np.uint8)))
         self._points += len(xs)

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from common.constants import ANGLE_ERROR_RAD, SPEED_ERROR_M_S
 from offboard.simulator.board import HostBoard
 from onboard.bridge.protocol import CarState
 from tests.firmware.bench import NOTHING_US, Bench, ready_bench
@@ -23,9 +24,9 @@ def test_robot_reaches_the_speed_within_one_centimetre_per_second(speed: int, m_
     bench.run(2.5)
     for _ in range(200):
         bench.step()
-        assert bench.speed_m_s == pytest.approx(m_s, abs=0.01)
+        assert bench.speed_m_s == pytest.approx(m_s, abs=SPEED_ERROR_M_S)
     assert bench.car is not None
-    assert bench.car.speed_mm_s == pytest.approx(m_s * 1000, abs=10)
+    assert bench.car.speed_mm_s == pytest.approx(m_s * 1000, abs=SPEED_ERROR_M_S * 1000)
     assert abs(bench.y_m) < 0.01
 
 
@@ -45,10 +46,10 @@ def test_robot_turns_on_the_spot_to_within_one_degree(turn_deg: float) -> None:
     bench = ready_bench()
     bench.drive(7, STOP, turn_deg)
     took_s = bench.run_until(lambda: bench.car.completed_id == 7)
-    assert bench.heading_deg == pytest.approx(turn_deg, abs=1.0)
+    assert bench.heading_deg == pytest.approx(turn_deg, abs=math.degrees(ANGLE_ERROR_RAD))
     assert took_s < 2.0 + abs(turn_deg) / 45
     bench.run(1.0)
-    assert bench.heading_deg == pytest.approx(turn_deg, abs=1.0)
+    assert bench.heading_deg == pytest.approx(turn_deg, abs=math.degrees(ANGLE_ERROR_RAD))
     assert math.hypot(bench.x_m, bench.y_m) < 0.01
     assert bench.pwm == (0, 0)
 

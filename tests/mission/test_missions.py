@@ -24,20 +24,27 @@ STANDS_WITHIN_S = 0.6
 PERSON_RADIUS_M = 0.25
 
 
-@pytest.mark.timeout(300)
-@pytest.mark.requirement("PLN_MR_01", "PLN_MR_03", "MMU_MR_02", "MMU_MR_03", "MMU_SR_04", "SIM_MR_02")
-def test_robot_maps_a_floor_with_an_island_and_comes_home(island: Path, tmp_path: Path) -> None:
+def mapped_and_came_home(options: RunOptions) -> dict[str, Any]:
+    """Runs the mission and asserts what every one must reach; returns its summary."""
+    assert options.out is not None
     try:
-        code = simulate(RunOptions(island, seed=1, out=tmp_path / "run"))
+        code = simulate(options)
     except StartError as error:
         pytest.skip(str(error))
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+    summary: dict[str, Any] = json.loads((options.out / "summary.json").read_text(encoding="utf-8"))
     assert code == 0, summary["reason"]
     assert summary["finished"]
     assert summary["coverage"] > 0.85
     assert summary["clearance_m"] > 0.0
     assert summary["home_m"] < 0.5
     assert summary["map_rmse_m"] < 0.3
+    return summary
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.requirement("PLN_MR_01", "PLN_MR_03", "MMU_MR_02", "MMU_MR_03", "MMU_SR_04", "SIM_MR_02")
+def test_robot_maps_a_floor_with_an_island_and_comes_home(island: Path, tmp_path: Path) -> None:
+    summary = mapped_and_came_home(RunOptions(island, seed=1, out=tmp_path / "run"))
     assert summary["ate_fit_m"] < 0.3
 
 
@@ -63,17 +70,7 @@ def messages_of(story: Story, seconds: float) -> dict[str, list[Any]]:
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_the_binary_for_the_mega_maps_a_whole_floor(island: Path, tmp_path: Path) -> None:
-    try:
-        code = simulate(RunOptions(island, seed=1, out=tmp_path / "run", board="avr"))
-    except StartError as error:
-        pytest.skip(str(error))
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
-    assert code == 0, summary["reason"]
-    assert summary["finished"]
-    assert summary["coverage"] > 0.85
-    assert summary["clearance_m"] > 0.0
-    assert summary["home_m"] < 0.5
-    assert summary["map_rmse_m"] < 0.3
+    mapped_and_came_home(RunOptions(island, seed=1, out=tmp_path / "run", board="avr"))
 
 
 def test_a_run_repeats_to_the_bit_from_its_seed_and_another_seed_is_another_run(hall: Path, tell: Tell) -> None:

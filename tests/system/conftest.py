@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,32 @@ def run_cli(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]
         check=False,
         **options,
     )
+
+
+@contextmanager
+def local_run(folder: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """`indoor-mapping local --headless` into the folder, from the start of its mission on; killed in the end."""
+    arguments = ["local", "--floor", "straight", "--headless", "--out", str(folder), *options]
+    with subprocess.Popen(
+        [sys.executable, "-m", "deploy.cli", *arguments],
+        env=environment(),
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        heard = []
+        for line in process.stdout:
+            heard.append(line)
+            if "mission has started" in line:
+                break
+        else:
+            pytest.fail("the mission did not start: " + "".join(heard))
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def running(pid: int) -> bool:

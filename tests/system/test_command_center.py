@@ -26,7 +26,7 @@ from offboard.command_center.module_watch import Freshness
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Look
 from offboard.command_center.stop_desk import StopSender
-from tests.system.conftest import ROOT, Mesh, children_of, environment, run_cli, until
+from tests.system.conftest import ROOT, Mesh, children_of, environment, local_run, run_cli, until
 
 pytestmark = pytest.mark.timeout(120)
 STATUS_SPAN_S = 3.0
@@ -61,18 +61,7 @@ class Center:
 @pytest.fixture
 def local(tmp_path: Path) -> Iterator[Config]:
     """The configuration of a headless run whose mission has started."""
-    arguments = ["local", "--floor", "straight", "--camera", "realistic", "--headless", "--out", str(tmp_path / "run")]
-    with subprocess.Popen(
-        [sys.executable, "-m", "deploy.cli", *arguments], env=environment(), cwd=ROOT, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        heard = []
-        for line in process.stdout:
-            heard.append(line)
-            if "mission has started" in line:
-                break
-        else:
-            pytest.fail("the mission did not start: " + "".join(heard))
+    with local_run(tmp_path / "run", "--camera", "realistic") as process:
         yield load_config(tmp_path / "run" / "process" / "robot.toml")
         process.send_signal(signal.SIGTERM)
         process.wait(30.0)

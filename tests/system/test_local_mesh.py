@@ -6,13 +6,12 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.system.conftest import ROOT, children_of, environment, run_cli, until
+from tests.system.conftest import children_of, local_run, run_cli, until
 
 pytestmark = pytest.mark.timeout(90)
 
@@ -20,25 +19,8 @@ pytestmark = pytest.mark.timeout(90)
 @pytest.fixture
 def local(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """A headless run whose mission has started; `tmp_path / "run"` is its folder."""
-    arguments = ["local", "--floor", "straight", "--headless", "--out", str(tmp_path / "run")]
-    with subprocess.Popen(
-        [sys.executable, "-m", "deploy.cli", *arguments],
-        env=environment(),
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        heard = []
-        for line in process.stdout:
-            heard.append(line)
-            if "mission has started" in line:
-                break
-        else:
-            pytest.fail("the mission did not start: " + "".join(heard))
+    with local_run(tmp_path / "run") as process:
         yield process
-        process.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

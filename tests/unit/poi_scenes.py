@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -93,9 +91,3 @@ def full_frame(floor: dict[str, Any], camera: str = "realistic") -> np.ndarray[A
         while image is None:  # one in a hundred is lost
             image = simulation.camera.full()
         return image
-
-
-def write_floor(folder: Path, floor: dict[str, Any]) -> Path:
-    path = folder / "floor.json"
-    path.write_text(json.dumps(floor), encoding="utf-8")
-    return path

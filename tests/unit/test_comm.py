@@ -15,7 +15,7 @@ from common.constants import STARTUP_GRACE_S, WATCHDOG_CLEAR_S
 from common.errors import ErrorCode
 from common.messages import PERMIT, STATUS, STOP, Permit, Status, StopRequest
 from onboard.comm.comm import Comm
-from onboard.comm.stop_latch import StopLatch, load_latch, save_latch
+from onboard.comm.stop_latch import RECORD_NAME, StopLatch, load_latch, save_latch
 from onboard.comm.watchdog import ModuleReading, WatchdogState, fault_of, watch
 
 SOUND = ModuleReading(token=True, status_age_s=0.05, beat_age_s=0.05, ready=True, state="RUN")
@@ -73,7 +73,7 @@ def test_a_release_that_its_sender_does_not_stand_behind_releases_nothing() -> N
 
 
 def test_latch_outlives_a_restart_and_an_unreadable_record_is_a_stop(tmp_path: Path) -> None:
-    record = tmp_path / "stop_latch.json"
+    record = tmp_path / RECORD_NAME
     assert load_latch(record) == StopLatch()
     save_latch(record, StopLatch(frozenset({"operator", "web"})))
     assert load_latch(record).sources == {"operator", "web"}
@@ -154,7 +154,7 @@ def test_permit_is_repeated_ten_times_a_second() -> None:
 
 
 def test_a_restarted_comm_still_knows_the_stop(tmp_path: Path) -> None:
-    record = tmp_path / "stop_latch.json"
+    record = tmp_path / RECORD_NAME
     bench = Bench(record=record)
     bench.run(2.0)
     bench.bus.publish(STOP, StopRequest(0.0, "operator", latched=True))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import cos, isclose, pi, sin
+from math import cos, isclose, pi, radians, sin
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.geometry import Pose2, rigid_fit, wrap_angle, wrap_angles
+from common.geometry import Pose2, RightAngles, rigid_fit, wrap_angle, wrap_angles
 
 LENGTHS = st.floats(-100.0, 100.0)
 ANGLES = st.floats(-50.0, 50.0)
@@ -87,3 +87,18 @@ def test_rigid_fit_finds_the_motion_that_was_made(pose: Pose2) -> None:
     corners = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [-1.0, 2.0]])
     found = rigid_fit(corners, pose.transform(corners))
     np.testing.assert_allclose(found.transform(corners), pose.transform(corners), atol=1e-6)
+
+
+@given(ANGLES, st.integers(-2, 2), st.floats(-0.7, 0.7))
+def test_a_direction_is_measured_from_the_nearest_right_angle(base: float, quarters: int, off: float) -> None:
+    angles = RightAngles().with_direction(base, 3.0).with_direction(base + pi / 2, 2.0)
+    found = angles.offset_rad(base + quarters * pi / 2 + off, share_min=0.9)
+    assert found is not None
+    assert isclose(found, off, abs_tol=1e-9)
+
+
+def test_directions_of_all_kinds_are_no_right_angles() -> None:
+    angles = RightAngles()
+    for i in range(12):
+        angles = angles.with_direction(radians(15.0 * i))
+    assert angles.offset_rad(0.0, share_min=0.5) is None

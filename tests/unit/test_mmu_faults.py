@@ -4,43 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import atan2, cos, hypot, inf, nan, pi, radians
+from math import cos, inf, nan, pi
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from common.constants import SONAR_BEARINGS_RAD, SONAR_MAX_M, SONAR_STEP_M, TICK_M, WHEEL_TRACK_M
-from common.geometry import Pose2, wrap_angle
+from common.constants import TICK_M, WHEEL_TRACK_M
+from common.geometry import Pose2
 from common.messages import Odometry, Ranges
 from onboard.mmu.deferred_worker import DeferredWorker
 from onboard.mmu.map_file import SavedMap, load_map
 from onboard.mmu.slam import Slam
+from tests.unit.mmu_scenes import heard, ring
 
 PERIOD_S = 0.1
 SPEED_M_S = 0.3
-BEAM_HALF_RAD = radians(32.0)
 ROOM = ((-2.0, 10.0), (-1.2, 1.4))  # x and y of the walls; the robot starts in the origin, heading along x
+WALLS = np.array(ring(ROOM[0][0], ROOM[1][0], ROOM[0][1], ROOM[1][1]))
 
 ORIGIN = Pose2(0.0, 0.0, 0.0)
 
 Report = tuple[Odometry, Ranges]
-
-
-def heard(pose: Pose2) -> tuple[float, ...]:
-    """The nearest foot of a wall within each beam, in whole steps."""
-    (x0, x1), (y0, y1) = ROOM
-    feet = [(x0, pose.y_m), (x1, pose.y_m), (pose.x_m, y0), (pose.x_m, y1)]
-    ranges = []
-    for bearing_rad in SONAR_BEARINGS_RAD:
-        near = [
-            hypot(x - pose.x_m, y - pose.y_m)
-            for x, y in feet
-            if abs(wrap_angle(atan2(y - pose.y_m, x - pose.x_m) - pose.heading_rad - bearing_rad)) < BEAM_HALF_RAD
-        ]
-        nearest_m = min(near, default=inf)
-        ranges.append(nearest_m // SONAR_STEP_M * SONAR_STEP_M if nearest_m < SONAR_MAX_M else nan)
-    return tuple(ranges)
 
 
 def reports(seconds: float, start: Pose2 = ORIGIN, session: int = 1, begin_s: float = 0.0) -> list[Report]:
@@ -55,7 +40,7 @@ def reports(seconds: float, start: Pose2 = ORIGIN, session: int = 1, begin_s: fl
         odometry = Odometry(
             t_s, *ticks, board.heading_rad, 0.0, board.x_m, board.y_m, SPEED_M_S, False, False, False, session
         )
-        out.append((odometry, Ranges(t_s, heard(pose), (0.0,) * 5)))
+        out.append((odometry, Ranges(t_s, heard(pose, WALLS), (0.0,) * 5)))
         ahead_m = pose.x_m + 2.0 * cos(pose.heading_rad)
         if turning_rad <= 0.0 and not ROOM[0][0] + 1.0 < ahead_m < ROOM[0][1] - 1.0:
             turning_rad = pi

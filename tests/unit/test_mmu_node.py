@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from math import atan2, hypot, inf, nan, pi, radians
+from math import inf, nan, pi, radians
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,9 @@ import pytest
 
 from common.bus import LocalMesh
 from common.constants import (
+    MAP_DENSITY_PER_M,
     MAP_RATE_MAX_HZ,
     MAP_TOLERANCE_M,
-    SONAR_BEARINGS_RAD,
-    SONAR_MAX_M,
-    SONAR_STEP_M,
     TICK_M,
     WHEEL_TRACK_M,
 )
@@ -39,40 +37,21 @@ from common.messages import (
 )
 from onboard.mmu.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
+from tests.unit.mmu_scenes import heard, ring
 
 PERIOD_S = 0.1
 SPEED_M_S = 0.3
 TURN_RAD_S = 1.0
-BEAM_HALF_RAD = radians(32.0)
 START = Pose2(3.0, 0.9, 0.0)
 GYRO_DRIFT_RAD_S = radians(0.02)
 CORNERS = ((7.1, 0.9), (7.1, 5.1), (0.9, 5.1), (0.9, 0.9))  # of the way
-
-
-def ring(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:
-    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-    return [(*a, *b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
 
 
 WALLS = np.array(ring(0.0, 0.0, 8.0, 6.0) + ring(1.8, 1.8, 6.2, 4.2))
 
 
 def ranges_at(pose: Pose2) -> tuple[float, ...]:
-    """What five sonars hear: the nearest foot of a wall within each beam, in whole steps."""
-    a, d = WALLS[:, :2], WALLS[:, 2:] - WALLS[:, :2]
-    at = np.array([pose.x_m, pose.y_m])
-    share = ((at - a) * d).sum(axis=1) / (d * d).sum(axis=1)
-    feet = [tuple(foot) for foot in (a + share[:, None] * d)[(share >= 0.0) & (share <= 1.0)]]
-    heard = []
-    for bearing_rad in SONAR_BEARINGS_RAD:
-        distances = [
-            hypot(x - pose.x_m, y - pose.y_m)
-            for x, y in feet
-            if abs(wrap_angle(atan2(y - pose.y_m, x - pose.x_m) - pose.heading_rad - bearing_rad)) < BEAM_HALF_RAD
-        ]
-        nearest_m = min(distances, default=inf)
-        heard.append(nearest_m // SONAR_STEP_M * SONAR_STEP_M if nearest_m < SONAR_MAX_M else nan)
-    return tuple(heard)
+    return heard(pose, WALLS)
 
 
 def way(rounds: int = 1, beyond_m: float = 6.0) -> Iterator[tuple[float, Pose2]]:
@@ -146,11 +125,11 @@ class Bench:
             False,
             session=0,
         )
-        heard = Ranges(self.now_s, ranges_at(pose), (0.0,) * 5)
+        ranges = Ranges(self.now_s, ranges_at(pose), (0.0,) * 5)
         self.bus.publish(ODOMETRY, odometry)
         if ranges_late:
             self.step()
-        self.bus.publish(RANGES, heard)
+        self.bus.publish(RANGES, ranges)
         if not ranges_late:
             self.step()
         self.step()
@@ -310,7 +289,7 @@ def test_a_sonar_that_is_broken_leaves_the_others_working(monkeypatch: pytest.Mo
     whole = ranges_at
     monkeypatch.setitem(globals(), "ranges_at", lambda pose: (nan, *whole(pose)[1:]))
     points = START.transform(Bench().drive(seconds=12.0).received_map())
-    assert (np.abs(points[:, 1]) < 0.2).sum() > 30  # ten on a metre
+    assert (np.abs(points[:, 1]) < 0.2).sum() > 3.0 * MAP_DENSITY_PER_M
 
 
 def test_heading_of_the_start_is_the_first_axis_of_the_map() -> None:

@@ -19,10 +19,13 @@ def at(grid: OccupancyGrid, x_m: float, y_m: float) -> int:
     return int(grid.cells()[int((y_m - origin_y_m) // CELL_M), int((x_m - origin_x_m) // CELL_M)])
 
 
-def wall_at(x_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """An echo per cell on a wall across the x axis, and their normals."""
+def with_wall(free_m: float) -> OccupancyGrid:
+    """An echo per cell on a wall across the x axis at 2.05 m, and a ray along that axis."""
     y = np.arange(-0.95, 1.0, CELL_M)
-    return np.stack([np.full_like(y, x_m), y], axis=1), np.full_like(y, pi)
+    grid = OccupancyGrid()
+    grid.add_walls(np.stack([np.full_like(y, 2.05), y], axis=1), np.full_like(y, pi))
+    grid.add_rays(START, [0.0], [free_m])
+    return grid
 
 
 def test_nothing_is_known_at_first() -> None:
@@ -30,9 +33,7 @@ def test_nothing_is_known_at_first() -> None:
 
 
 def test_a_ray_frees_up_to_its_echo_and_echoes_make_a_wall() -> None:
-    grid = OccupancyGrid()
-    grid.add_walls(*wall_at(2.05))
-    grid.add_rays(START, [0.0], [2.0])
+    grid = with_wall(2.0)
     assert at(grid, 1.0, 0.05) == FREE
     assert at(grid, 2.05, 0.05) == WALL
     assert at(grid, 2.5, 0.05) == UNKNOWN
@@ -48,9 +49,7 @@ def test_one_stray_echo_is_no_wall(normal_rad: float) -> None:
 
 
 def test_a_ray_frees_nothing_behind_a_known_wall() -> None:
-    grid = OccupancyGrid()
-    grid.add_walls(*wall_at(2.05))
-    grid.add_rays(START, [0.0], [4.0])
+    grid = with_wall(4.0)
     assert at(grid, 1.8, 0.05) == FREE
     assert at(grid, 2.05, 0.05) == WALL
     assert at(grid, 3.0, 0.05) == UNKNOWN
@@ -81,9 +80,7 @@ def test_where_the_robot_stood_is_no_wall() -> None:
 
 @pytest.mark.parametrize("place", [(60.0, 3.0), (-60.0, 3.0), (3.0, 60.0), (-40.0, -40.0)])
 def test_the_grid_grows_and_keeps_what_it_knew(place: tuple[float, float]) -> None:
-    grid = OccupancyGrid()
-    grid.add_walls(*wall_at(2.05))
-    grid.add_rays(START, [0.0], [2.0])
+    grid = with_wall(2.0)
     grid.add_walls(np.array([place, place]) + 0.05, np.zeros(2))
     assert at(grid, place[0] + 0.05, place[1] + 0.05) == WALL
     assert at(grid, 2.05, 0.05) == WALL

@@ -13,7 +13,6 @@ from onboard.planner.exploration import (
     Exploration,
     Frontier,
     groups,
-    hall_direction_rad,
     opening_on_the_right,
     something_ahead,
     straight_reach_m,
@@ -134,17 +133,3 @@ def test_at_an_unseen_end_the_unknown_floor_lies_ahead() -> None:
 def test_where_all_is_known_the_direction_falls_back() -> None:
     grid = drawn([(0.0, 0.0, 10.0, 6.0)])
     assert unknown_direction_rad(grid, 5.0, 3.0, fallback_rad=1.25) == 1.25
-
-
-@pytest.mark.parametrize("bend_deg", [0.0, 6.0, -8.0])
-@pytest.mark.parametrize("side_m", [-1.0, 1.0])
-def test_the_hall_runs_as_its_wall_does(bend_deg: float, side_m: float) -> None:
-    along = np.arange(-2.5, 0.8, 0.05)
-    wall = Pose2(0.0, 0.0, radians(bend_deg)).transform(np.stack([along, np.full_like(along, side_m)], axis=1))
-    direction = hall_direction_rad(wall + np.array([4.0, 2.0]), Pose2(4.0, 2.0, 0.0), EAST)
-    assert direction == pytest.approx(radians(bend_deg), abs=radians(1.0))
-
-
-@pytest.mark.parametrize("points", [np.zeros((0, 2)), np.random.default_rng(2).uniform(-3.0, 3.0, (200, 2))])
-def test_without_a_wall_there_is_no_direction(points: np.ndarray) -> None:
-    assert hall_direction_rad(points, Pose2(0.0, 0.0, 0.0), EAST) is None

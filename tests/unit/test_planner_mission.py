@@ -10,7 +10,8 @@ import pytest
 from common.geometry import Pose2, wrap_angle
 from common.messages import Speed
 from onboard.planner.grid_map import GridMap
-from onboard.planner.mission import BLOCK_FOR_S, Mission, Mode, Motion, View
+from onboard.planner.mission import Mission, Mode, Motion, View
+from onboard.planner.setbacks import BLOCK_FOR_S
 from tests.unit.test_planner_grid_map import Box, drawn, hall
 from tests.unit.test_planner_route_planning import two_rooms
 

@@ -133,12 +133,10 @@ def test_a_robot_inside_of_what_blocks_finds_its_way_out() -> None:
     assert cells is None or not any(blocked[c] for c in cells[5:])
 
 
-def test_search_ends_at_the_limit() -> None:
+def test_in_the_middle_of_a_hall_a_way_costs_its_length() -> None:
     grid = hall()
     start, goal = grid.cell(1.6, 2.0), grid.cell(8.4, 2.0)
-    costs = cell_costs(grid, start)
-    assert shortest_path(costs, start, lambda c: c == goal, limit=2.0) is None
-    found = shortest_path(costs, start, lambda c: c == goal)
+    found = shortest_path(cell_costs(grid, start), start, lambda c: c == goal)
     assert found is not None
     assert found[1] == pytest.approx(6.8, rel=0.1)
 

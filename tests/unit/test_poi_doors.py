@@ -11,7 +11,9 @@ import pytest
 from common.errors import StartError
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.door_detection import ColourBox, DoorDetector, DoorEdge, Side, calibrated_box, door_edges
-from onboard.poi.door_records import DoorRecords, Sign, State
+from onboard.poi.door_records import DoorRecords
+from onboard.poi.doors import State
+from onboard.poi.sightings import Sign
 from onboard.poi.sign_placement import WallLine, WallPoint
 from onboard.poi.sign_reading import SignReading, Verdict
 

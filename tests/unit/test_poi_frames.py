@@ -28,7 +28,7 @@ from onboard.poi.camera_model import CameraModel
 from onboard.poi.frame import Frame, Image
 from onboard.poi.frame_socket import SocketFrames
 from onboard.poi.frame_source import open_source
-from onboard.poi.reading_worker import DeferredWorker, Job, Reading, ThreadWorker, read
+from onboard.poi.reading_worker import DeferredReading, Job, Reading, ThreadWorker, read
 from onboard.poi.sharpness import sharpness
 from onboard.poi.sign_detection import Box, sign_candidates
 from onboard.poi.sign_placement import WallLine
@@ -163,7 +163,7 @@ def test_sign_that_the_part_cuts_off_is_left_out() -> None:
 
 
 def test_deferred_worker_answers_after_a_fixed_time() -> None:
-    worker = DeferredWorker(lambda: lambda j: Reading(j, ()))
+    worker = DeferredReading(lambda: lambda j: Reading(j, ()))
     worker.submit(job(), 10.0)
     assert worker.pending == 1
     assert worker.results(10.49) == []

@@ -32,7 +32,7 @@ from common.messages import (
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.frame import Frame, Image
 from onboard.poi.poi import Poi
-from onboard.poi.reading_worker import DeferredWorker, Finding, Job, Reading
+from onboard.poi.reading_worker import DeferredReading, Finding, Job, Reading
 from onboard.poi.retake import Phase, Retake, after, begin, pose_before
 from onboard.poi.sharpness import Sharpness
 from onboard.poi.sign_placement import WallPoint
@@ -96,7 +96,7 @@ class Story:
         self.bus, self.others = self.mesh.endpoint("poi"), self.mesh.endpoint("test")
         self.jobs: list[Job] = []
         self._reads = reads
-        self.node = Poi(PoiSection(), self.wall, DeferredWorker(lambda: self._read))
+        self.node = Poi(PoiSection(), self.wall, DeferredReading(lambda: self._read))
         for topic in (POI, RETAKE):
             self.others.take(topic)
         self.records: dict[int, PointOfInterest] = {}

@@ -29,14 +29,14 @@ def test_time_advances_in_whole_steps_and_never_beyond() -> None:
         assert simulation.world.time_s == pytest.approx(0.105)
 
 
-def test_truth_is_written_on_the_clock_of_the_robot(tmp_path: Path) -> None:
+def test_truth_is_written_on_the_clock_of_the_world(tmp_path: Path) -> None:
     with Simulation(hall(), RecordingBoard(), errors="none") as simulation:
         simulation.advance(1.0)
-        simulation.write_truth(tmp_path, power_on_s=100.0)
+        simulation.write_truth(tmp_path)
     rows = np.loadtxt(tmp_path / "truth.tum")
     assert rows.shape == (11, 8)
-    assert rows[0, 0] == pytest.approx(100.0)
-    assert rows[-1, 0] == pytest.approx(101.0)
+    assert rows[0, 0] == pytest.approx(0.0)
+    assert rows[-1, 0] == pytest.approx(1.0)
 
 
 def test_without_opengl_everything_else_runs(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:

@@ -27,7 +27,7 @@ static const int32_t kTurnRateMax_cdps = 6000;
 static const int32_t kTurnBraking_cdps2 = 6000;      // planned; the wheels can do more
 static const int32_t kTurnLead_ms = 120;             // how far the wheels lag behind their set-point
 static const int32_t kTurnRateMin_cdps = 200;
-static const int32_t kTurnDone_cdeg = 50;            // half of k_angle_error
+static const int32_t kTurnDone_cdeg = 50;            // = degrees(ANGLE_ERROR_RAD) * 100 / 2
 static const int32_t kTurnSettle_ms = 120;
 static const int32_t kTurnTimeout_ms = 20000;
 static const int32_t kHoldGain = 5;                  // deg/s per degree off the heading

@@ -1,0 +1,123 @@
+"""What did not work, where, and how long that counts: things met in the way, ways taken in vain, standing still.
+
+The mission asks these memories before it tries a thing again. Places that were put off are `exploration`'s.
+"""
+
+from __future__ import annotations
+
+from math import hypot, inf, radians
+
+import numpy as np
+
+from common.geometry import Pose2, wrap_angle
+from onboard.planner.grid_map import GridMap, Mask
+
+BLOCK_RADIUS_M = 0.35
+BLOCK_FOR_S = 25.0
+BLOCK_TOLERANCE_M = 0.05  # a way was planned past it from cell to cell
+STAGNANT_M = 0.1
+STAGNANT_RAD = radians(20.0)
+STAGNANT_S = 20.0
+STAGNANT_STEP_MAX_S = 0.5  # of one step: a gap in the steps is no standing still
+SAME_PLACE_M = 0.3
+SAME_WAY_RAD = radians(30.0)
+
+
+class Obstacles:
+    """Things in the way that the map does not know: each is planned around for a while, and longer every time again."""
+
+    def __init__(self) -> None:
+        self._places: list[tuple[float, float, float]] = []  # where, and until when
+        self._met: list[tuple[float, float]] = []
+        self._new_until_s = -inf
+
+    def add(self, x_m: float, y_m: float, now_s: float) -> None:
+        """Something was met here, in the map."""
+        earlier = sum(hypot(x_m - x, y_m - y) < BLOCK_RADIUS_M for x, y in self._met)
+        self._met.append((x_m, y_m))
+        self._places.append((x_m, y_m, now_s + BLOCK_FOR_S * 2.0**earlier))
+        if not earlier:
+            self._new_until_s = now_s + BLOCK_FOR_S
+
+    def forget(self, now_s: float) -> None:
+        """Drop those whose time is over."""
+        self._places = [place for place in self._places if place[2] > now_s]
+
+    def may_hide_a_way(self, now_s: float) -> bool:
+        """Was one met lately where none had been before?"""
+        return now_s < self._new_until_s
+
+    def mask(self, grid: GridMap) -> Mask:
+        """Cells (rows, columns) of the grid that lie around them."""
+        mask = np.zeros(grid.cells.shape, dtype=bool)
+        if not self._places:
+            return mask
+        rows, columns = np.indices(grid.cells.shape)
+        x = grid.origin_x_m + (columns + 0.5) * grid.cell_m
+        y = grid.origin_y_m + (rows + 0.5) * grid.cell_m
+        for x_m, y_m, _ in self._places:
+            mask |= np.hypot(x - x_m, y - y_m) < BLOCK_RADIUS_M
+        return mask
+
+    def on_leg(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
+        """Does one stand on the straight leg between two positions?"""
+        reach_m = BLOCK_RADIUS_M - BLOCK_TOLERANCE_M
+        return any(_distance_to_leg((x_m, y_m), a, b) < reach_m for x_m, y_m, _ in self._places)
+
+
+class Stillness:
+    """How long the robot has not moved while it was under way to something, whatever the reason."""
+
+    def __init__(self) -> None:
+        self._anchor: Pose2 | None = None
+        self._still_s = 0.0
+
+    def stagnates(self, pose: Pose2, dt_s: float, under_way: bool) -> bool:
+        """Take in the next step; True, once, when that has lasted too long."""
+        anchor, self._still_s = self._anchor, self._still_s + min(dt_s, STAGNANT_STEP_MAX_S)
+        if (
+            anchor is None
+            or not under_way
+            or anchor.distance_m(pose) > STAGNANT_M
+            or abs(wrap_angle(anchor.heading_rad - pose.heading_rad)) > STAGNANT_RAD
+        ):
+            self._anchor, self._still_s = pose, 0.0
+        if self._still_s <= STAGNANT_S:
+            return False
+        self._anchor = None
+        return True
+
+
+class TriedWays:
+    """Ways on, as pose and heading, that need not be tried again from about there."""
+
+    def __init__(self) -> None:
+        self._vain_legs: list[Pose2] = []
+        self._sides: list[Pose2] = []
+
+    def add_leg(self, start: Pose2, end: Pose2) -> None:
+        """A straight leg ended; a short one led nowhere."""
+        if start.distance_m(end) < SAME_PLACE_M:
+            self._vain_legs.append(start)
+
+    def add_side(self, way: Pose2) -> None:
+        """The robot turned to a side way."""
+        self._sides.append(way)
+
+    def leg_in_vain(self, way: Pose2) -> bool:
+        """Did driving straight on from here lead nowhere?"""
+        return any(_same(way, other) for other in self._vain_legs)
+
+    def tried(self, way: Pose2) -> bool:
+        """Was this way turned to, or a leg in vain?"""
+        return self.leg_in_vain(way) or any(_same(way, other) for other in self._sides)
+
+
+def _same(way: Pose2, other: Pose2) -> bool:
+    return other.distance_m(way) < SAME_PLACE_M and abs(wrap_angle(other.heading_rad - way.heading_rad)) < SAME_WAY_RAD
+
+
+def _distance_to_leg(p: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    f = max(0.0, min(1.0, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-9)))
+    return hypot(p[0] - a[0] - f * dx, p[1] - a[1] - f * dy)
