@@ -35,7 +35,8 @@ class _Name:
         module, *names = self._path
         if isinstance(sys.modules.get(module), _StandIn):
             return None  # filterpy, still being loaded, only tries which arguments an old scipy takes
-        return reduce(getattr, names, import_module(module))(*args, **options)
+        real: Any = reduce(getattr, names, import_module(module))
+        return real(*args, **options)
 
 
 class _StandIn(ModuleType):
