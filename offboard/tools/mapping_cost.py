@@ -16,6 +16,7 @@ import socket
 import subprocess
 import sys
 import time
+from array import array
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -27,6 +28,7 @@ from common.clock import FreeClock
 from common.codec import decode, encode
 from common.config import Config
 from common.constants import SENSOR_RATE_HZ
+from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, RANGES, Odometry, Ranges, Topic
 from common.zenoh_bus import ZenohBus
 from offboard.tools.mapping_course import Course
@@ -76,7 +78,7 @@ class Drive:
         self.worker = ProcessWorker()
         self._node = MappingUnit(self.worker)
         self._bus = InputBus(out)
-        self.step_s: list[float] = []
+        self.step_s = array("d")
 
     def report(self, odometry: Odometry, ranges: Ranges) -> None:
         self._bus.now_s = odometry.t_s
@@ -189,9 +191,8 @@ def _own_command(*arguments: str) -> list[str]:
 
 
 def _run(command: list[str], **options: Any) -> subprocess.CompletedProcess[str]:
-    """With one thread per library, as the node's processes run."""
-    environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    return subprocess.run(command, check=True, env=environment | {"PYTHONHASHSEED": "0"}, **options)
+    environment = os.environ | PROCESS_ENVIRONMENT | {"PYTHONHASHSEED": "0"}
+    return subprocess.run(command, check=True, env=environment, **options)
 
 
 def _free_port() -> int:

@@ -79,9 +79,10 @@ class OccupancyGrid:
 
     def add_hull(self, positions_m: Points) -> None:
         """Where the robot itself stood (N, 2) is free, whatever the sonars say."""
-        if len(positions_m):
-            self._make_room(positions_m)
-            index = self._index((positions_m[:, None, :] + _DISC[None, :, :]).reshape(-1, 2))
+        for i in range(0, len(positions_m), RAYS_AT_ONCE):
+            part = positions_m[i : i + RAYS_AT_ONCE]
+            self._make_room(part)
+            index = self._index((part[:, None, :] + _DISC[None, :, :]).reshape(-1, 2))
             self._passed[index] = True
             self._hits[index] = 0
 

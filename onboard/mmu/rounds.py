@@ -13,6 +13,7 @@ from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, 
 from onboard.mmu.map_file import SAVE_EVERY_S, SavedMap, try_save
 from onboard.mmu.occupancy import OccupancyGrid
 from onboard.mmu.wall_points import WallPoints
+from onboard.mmu.wall_segments import Rays, concluded
 
 REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and walls
 REDRAW_WAY_M = 20.0  # after so much way the walls are drawn anew all the same
@@ -63,8 +64,10 @@ class Rounds:
         return grid
 
     def _draw_walls(self, poses: FloatArray) -> WallPoints:
-        echoed, _ = in_map(self._echoes.rows(), poses)
-        return WallPoints.of(echoed, np.zeros((0, 2)))
+        rays = self._rays.rows()
+        echoed, normals = in_map(self._echoes.rows(), poses)
+        starts, directions = in_map(rays, poses)
+        return WallPoints.of(echoed, concluded(echoed, normals, Rays(starts, directions, rays[:, 5])))
 
     def save(self) -> None:
         """The map on disk, at every closure and every 30 s."""

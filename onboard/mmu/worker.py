@@ -18,11 +18,10 @@ import threading
 from pathlib import Path
 from typing import IO, Protocol
 
+from common.environment import PROCESS_ENVIRONMENT
 from onboard.mmu.key_frames import Correction, Increment
 
 _LENGTH = struct.Struct("<Q")
-# What a search needed for a moment goes back to the system at once: the C library's own thresholds would grow with it
-_ENVIRONMENT = {"MALLOC_MMAP_THRESHOLD_": "131072", "MALLOC_TRIM_THRESHOLD_": "131072"}
 
 _log = logging.getLogger("mmu")
 
@@ -61,7 +60,7 @@ class ProcessWorker:
             *([str(self._map_file)] if self._map_file else []),
         ]
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=os.environ | _ENVIRONMENT
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=os.environ | PROCESS_ENVIRONMENT
         )
         threading.Thread(
             target=_converse, args=(self._process, self._increments, self._answers), name="back end", daemon=True
