@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from common.environment import PROCESS_ENVIRONMENT
+
 RESTART_PAUSE_S = 1.0  # RestartSec of the units
 SHORT_LIFE_S = 5.0
 SHORT_LIVES_MAX = 5  # a process that dies so often so soon will not come up at all
@@ -95,8 +97,7 @@ class Supervisor:
             child.process = None
 
     def _spawn(self, child: Child) -> None:
-        # One thread per library: two cores are shared by all processes
-        environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        environment = os.environ | PROCESS_ENVIRONMENT
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH"))))
         with child.stderr.open("ab") as stderr:
             child.process = subprocess.Popen(

@@ -8,6 +8,7 @@ import numpy as np
 
 from common.geometry import FloatArray, Points, Pose2
 from onboard.mmu.occupancy import OccupancyGrid
+from onboard.mmu.wall_points import WallPoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,9 @@ class Correction:
     drift: tuple[float, float]
     closures: int
     tied_at_m: float  # way at the newest tie to a place visited before
-    grid: OccupancyGrid | None = None  # drawn anew because the past moved, from all that the back end has
+    # Drawn anew from all that the back end has: the grid because the past moved, the walls also from time to time
+    grid: OccupancyGrid | None = None
+    walls: WallPoints | None = None
 
     @classmethod
     def lost(cls) -> Correction:

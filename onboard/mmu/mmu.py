@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-import zlib
 from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from common.bus import Bus, alive
 from common.config import Config
@@ -21,15 +18,14 @@ from common.messages import (
     POSE,
     RANGES,
     TRAJECTORY,
-    GridUpdate,
     MapUpdate,
     Odometry,
     PoseEstimate,
     Trajectory,
 )
 from common.status import StatusReporter
+from onboard.mmu.grid_press import GridPress
 from onboard.mmu.map_file import MAP_NAME, SavedMap, load_map
-from onboard.mmu.occupancy import CELL_M
 from onboard.mmu.slam import Carrier, Slam
 from onboard.mmu.worker import ProcessWorker, Worker
 
@@ -53,10 +49,10 @@ class MappingUnit:
         """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
         self._slam = Slam(worker, Carrier(bearings_rad), saved)
         self._status = StatusReporter(self.name)
-        self._map_sent_s = self._grid_sent_s = self._trajectory_sent_s = -math.inf
+        self._map_sent_s = self._grid_begun_s = self._trajectory_sent_s = -math.inf
         self._sent_points = 0
         self._sent_revision = -1
-        self._grid_revision = 0
+        self._grid_press = GridPress()
         self._pose: PoseEstimate | None = None
 
     def step(self, bus: Bus, now_s: float) -> None:
@@ -99,41 +95,25 @@ class MappingUnit:
         bus.publish(POSE, self._pose)
 
     def _publish_map(self, bus: Bus, now_s: float) -> None:
-        changed = self._slam.wall_count > self._sent_points or self._slam.revision != self._sent_revision
+        changed = self._slam.map_count > self._sent_points or self._slam.revision != self._sent_revision
         if changed and now_s - self._map_sent_s >= 1.0 / MAP_RATE_MAX_HZ:
             self._map_sent_s = now_s
             anew = self._slam.revision != self._sent_revision
             start = 0 if anew else self._sent_points
-            points = self._slam.wall_points(start).astype(np.float32)
-            self._sent_points, self._sent_revision = self._slam.wall_count, self._slam.revision
-            inferred = np.zeros(len(points), np.uint8)
-            bus.publish(MAP, MapUpdate(now_s, self._slam.revision, start, points, inferred))
+            walls = self._slam.map_points(start)
+            self._sent_points, self._sent_revision = start + len(walls.points_m), self._slam.revision
+            bus.publish(MAP, MapUpdate(now_s, self._slam.revision, start, walls.points_m, walls.inferred))
             if anew:
                 self._trajectory_sent_s = -math.inf
-        if now_s - self._grid_sent_s >= GRID_PERIOD_S:
-            self._grid_sent_s = now_s
-            self._publish_grid(bus, now_s)
+        if now_s - self._grid_begun_s >= GRID_PERIOD_S and not self._grid_press.busy:
+            self._grid_begun_s = now_s
+            self._grid_press.begin(self._slam.grid)
+        grid = self._grid_press.advance(now_s)
+        if grid is not None:
+            bus.publish(GRID, grid)
         if now_s - self._trajectory_sent_s >= TRAJECTORY_PERIOD_S:
             self._trajectory_sent_s = now_s
             bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
-
-    def _publish_grid(self, bus: Bus, now_s: float) -> None:
-        cells = self._slam.grid.cells()
-        origin_x_m, origin_y_m = self._slam.grid.origin_m
-        self._grid_revision += 1
-        bus.publish(
-            GRID,
-            GridUpdate(
-                now_s,
-                self._grid_revision,
-                origin_x_m,
-                origin_y_m,
-                CELL_M,
-                cells.shape[0],
-                cells.shape[1],
-                zlib.compress(cells.tobytes(), 1),
-            ),
-        )
 
 
 def make_mapping_unit(config: Config, arguments: argparse.Namespace) -> MappingUnit:

@@ -21,7 +21,7 @@ RAY_MARGIN_M = 0.15  # a ray ends this far before its echo
 RAY_MAX_M = 6.2
 SILENT_FREE_M = 1.0  # how far a sonar that hears nothing several times running frees
 HITS_FOR_WALL = 2
-RAYS_AT_ONCE = 500
+RAYS_AT_ONCE = 100  # a worker's memory: each takes 20 kB while it is drawn
 HULL_CLEAR_M = 0.25
 _STEP_M = 0.08
 _PATCH_M = np.array([-sqrt(2.0), 0.0, sqrt(2.0)]) * CELL_M  # never two of them in one cell
@@ -38,8 +38,8 @@ class OccupancyGrid:
 
     def __init__(self) -> None:
         self._origin = np.array([-10.0, -10.0])
-        self._hits = np.zeros((200, 200), np.uint32)  # [row along y, column along x]
-        self._passes = np.zeros((200, 200), np.uint32)
+        self._hits = np.zeros((200, 200), np.uint16)  # [row along y, column along x]
+        self._passed = np.zeros((200, 200), np.bool_)
 
     @property
     def origin_m(self) -> tuple[float, float]:
@@ -75,28 +75,29 @@ class OccupancyGrid:
         index = self._index(points)
         seen_wall = np.cumsum(self._hits[index] > 0, axis=1) > 0
         open_ = (reach[None, :] <= free[:, None]) & ~seen_wall
-        row, column = index[0][open_], index[1][open_]
-        if not len(row):
-            return
-        # Counted over the touched rectangle only: a few rays of a robot must not cost as much as the floor is large
-        low_row, low_column = int(row.min()), int(column.min())
-        rows, columns = int(row.max()) - low_row + 1, int(column.max()) - low_column + 1
-        count = np.bincount((row - low_row) * columns + (column - low_column), minlength=rows * columns)
-        view = self._passes[low_row : low_row + rows, low_column : low_column + columns]
-        view += count.reshape(rows, columns).astype(np.uint32)
+        self._passed[index[0][open_], index[1][open_]] = True
 
     def add_hull(self, positions_m: Points) -> None:
         """Where the robot itself stood (N, 2) is free, whatever the sonars say."""
-        if len(positions_m):
-            self._make_room(positions_m)
-            index = self._index((positions_m[:, None, :] + _DISC[None, :, :]).reshape(-1, 2))
-            np.add.at(self._passes, index, 50)
+        for i in range(0, len(positions_m), RAYS_AT_ONCE):
+            part = positions_m[i : i + RAYS_AT_ONCE]
+            self._make_room(part)
+            index = self._index((part[:, None, :] + _DISC[None, :, :]).reshape(-1, 2))
+            self._passed[index] = True
             self._hits[index] = 0
 
-    def cells(self) -> Cells:
-        """(rows, columns) of UNKNOWN, FREE, WALL."""
-        wall = self._hits >= HITS_FOR_WALL
-        return np.where(wall, WALL, np.where(self._passes > 0, FREE, UNKNOWN)).astype(np.uint8)
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        rows, columns = self._hits.shape
+        return rows, columns
+
+    def cells(self, first_row: int = 0, end_row: int | None = None) -> Cells:
+        """(rows, columns) of UNKNOWN, FREE, WALL: all rows, or some of them."""
+        rows = slice(first_row, end_row)
+        cells = np.where(self._passed[rows], np.uint8(FREE), np.uint8(UNKNOWN))
+        cells[self._hits[rows] >= HITS_FOR_WALL] = WALL
+        return cells
 
     def _index(self, points_m: Points) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         cell = np.floor((points_m - self._origin) / CELL_M).astype(np.int64)
@@ -114,5 +115,5 @@ class OccupancyGrid:
         before = np.where(before > 0, before + GROWTH_CELLS, 0)
         after = np.where(after > 0, after + GROWTH_CELLS, 0)
         pad = ((before[1], after[1]), (before[0], after[0]))
-        self._hits, self._passes = np.pad(self._hits, pad), np.pad(self._passes, pad)
+        self._hits, self._passed = np.pad(self._hits, pad), np.pad(self._passed, pad)
         self._origin = self._origin - before * CELL_M

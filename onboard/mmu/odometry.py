@@ -10,11 +10,11 @@ from __future__ import annotations
 from math import cos, hypot, isfinite, pi, radians, sin
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Pose2, wrap_angle
 from common.messages import Odometry
+from onboard.mmu.kalman import ExtendedKalmanFilter
 
 # Causes, as standard deviations
 SLIP_SD_PER_SQRT_M = 0.01  # metres of slip per wheel after one metre

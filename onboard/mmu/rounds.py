@@ -1,4 +1,4 @@
-"""One round of what happens beside the steps: back end, grid drawn anew when the past moved, map on disk."""
+"""One round of what happens beside the steps: back end, grid and walls drawn anew when the past moved, map on disk."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from onboard.mmu.back_end import BackEnd
 from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, in_map
 from onboard.mmu.map_file import SAVE_EVERY_S, SavedMap, try_save
 from onboard.mmu.occupancy import OccupancyGrid
+from onboard.mmu.wall_points import WallPoints
+from onboard.mmu.wall_segments import Rays, concluded
 
-REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and map
+REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and walls
+REDRAW_WAY_M = 20.0  # after so much way the walls are drawn anew all the same
 
 
 class Rounds:
@@ -25,25 +28,31 @@ class Rounds:
         self._frames: list[KeyFrame] = []
         self._echoes, self._rays = FrameStore(), FrameStore()
         self._drawn: FloatArray = np.zeros((0, 3))  # poses that the grid was drawn with
+        self._drawn_way_m = 0.0  # way at which the walls were drawn
         self._saved = (float("-inf"), 0)  # when, and how many closures there were
         self._last: tuple[Increment, Correction] | None = None
 
     def take(self, increment: Increment) -> Correction:
-        """The back end's correction, with a new grid where the old one is too far off."""
+        """The back end's correction, with new grid and walls where the old ones are too far off."""
         self._frames.extend(increment.frames)
         self._echoes.append(increment.echoes)
         self._rays.append(increment.rays)
         correction = self._back_end.take(increment)
         moved = correction.poses[: len(self._drawn), :2] - self._drawn[:, :2]
-        if len(moved) and float(np.hypot(moved[:, 0], moved[:, 1]).max()) > REDRAW_M:
-            correction = replace(correction, grid=self._draw(correction.poses))
+        off = bool(len(moved)) and float(np.hypot(moved[:, 0], moved[:, 1]).max()) > REDRAW_M
+        if off:
+            correction = replace(correction, grid=self._draw_grid(correction.poses))
             self._drawn = correction.poses
         else:
             self._drawn = np.concatenate([self._drawn, correction.poses[len(self._drawn) :]])
+        way_m = self._frames[-1].way_m if self._frames else 0.0
+        if off or way_m - self._drawn_way_m >= REDRAW_WAY_M:
+            correction = replace(correction, walls=self._draw_walls(correction.poses))
+            self._drawn_way_m = way_m
         self._last = (increment, correction)
         return correction
 
-    def _draw(self, poses: FloatArray) -> OccupancyGrid:
+    def _draw_grid(self, poses: FloatArray) -> OccupancyGrid:
         grid = OccupancyGrid()
         echoes, rays = self._echoes.rows(), self._rays.rows()
         if len(echoes):
@@ -53,6 +62,12 @@ class Rounds:
             grid.add_rays(starts, directions, rays[:, 5])
             grid.add_hull(starts)
         return grid
+
+    def _draw_walls(self, poses: FloatArray) -> WallPoints:
+        rays = self._rays.rows()
+        echoed, normals = in_map(self._echoes.rows(), poses)
+        starts, directions = in_map(rays, poses)
+        return WallPoints.of(echoed, concluded(echoed, normals, Rays(starts, directions, rays[:, 5])))
 
     def save(self) -> None:
         """The map on disk, at every closure and every 30 s."""

@@ -23,6 +23,7 @@ from onboard.mmu.map_file import SavedMap
 from onboard.mmu.occupancy import OccupancyGrid
 from onboard.mmu.odometry import OdometryFilter, board_pose
 from onboard.mmu.surroundings import BEAM_HALF_RAD, Echo, Ray, Surroundings
+from onboard.mmu.wall_points import WallPoints, WallStore
 from onboard.mmu.worker import Worker
 
 KEY_FRAME_M = 0.4
@@ -31,7 +32,10 @@ WAY_M_PER_RAD = 0.6  # a robot that turns on the spot sees as much new as one th
 HAND_OVER_M = 0.5
 POSES_KEPT = 60  # of recent odometry, for dating ranges
 SD_MAX_M = 2.5
-DRAW_ROWS = 40  # of rays that the grid takes in per report: a step must stay short
+# What a step takes in at most of what a map from before holds, or a correction left over: it must stay short
+DRAW_RAYS = 40
+DRAW_ECHOES = 1000
+PLACE_ECHOES = 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +71,8 @@ class Slam:
         self._known_way_m = 0.0
         self._handed_m = 0.0
         self._drawn = (0, 0)  # echoes and rays in the grid
+        self._walls = WallStore()
+        self._placed = 0  # echoes among the wall points
         self.grid = OccupancyGrid()
         self.revision = 0
         self.closures = 0
@@ -147,26 +153,33 @@ class Slam:
         """Times (K,) and poses (K, 3) of the key frames as they lie now."""
         return np.array([f.t_s for f in self._frames]), self._poses.array.copy()
 
-    def wall_points(self, start: int = 0) -> Points:
-        """Echoes (N, 2) in the map, from the `start`-th on."""
-        rows = self._echoes.rows(start)
-        return in_map(rows, self._poses.array)[0] if len(rows) else np.zeros((0, 2))
+    def wall_points(self) -> Points:
+        """Echoes (N, 2) in the map as they lie now."""
+        return in_map(self._echoes.rows(), self._poses.array)[0]
+
+    def map_points(self, start: int) -> WallPoints:
+        """The map's wall points from the `start`-th on; those of a revision lie where they lay when they came."""
+        rows = self._echoes.rows(self._placed)[:PLACE_ECHOES]
+        self._walls.append(WallPoints.of(in_map(rows, self._poses.array)[0], np.zeros((0, 2))))
+        self._placed += len(rows)
+        return self._walls.since(start)
 
     @property
-    def wall_count(self) -> int:
-        return self._echoes.count
+    def map_count(self) -> int:
+        """How many wall points the map has, with those that `map_points` has not placed yet."""
+        return self._walls.count + self._echoes.count - self._placed
 
     def _draw(self) -> None:
         """Bring the grid up to the newest echoes and rays."""
-        echoes = self._echoes.rows(self._drawn[0])
+        echoes = self._echoes.rows(self._drawn[0])[:DRAW_ECHOES]
         if len(echoes):
             self.grid.add_walls(*in_map(echoes, self._poses.array))
-        rows = self._rays.rows(self._drawn[1])[:DRAW_ROWS]
-        if len(rows):
-            starts, directions = in_map(rows, self._poses.array)
-            self.grid.add_rays(starts, directions, rows[:, 5])
+        rays = self._rays.rows(self._drawn[1])[:DRAW_RAYS]
+        if len(rays):
+            starts, directions = in_map(rays, self._poses.array)
+            self.grid.add_rays(starts, directions, rays[:, 5])
             self.grid.add_hull(starts)
-        self._drawn = self._echoes.count, self._drawn[1] + len(rows)
+        self._drawn = self._drawn[0] + len(echoes), self._drawn[1] + len(rays)
 
     def _new_key_frame_due(self, pose: Pose2) -> bool:
         if not self._frames or self._odometry.carried or len(self._frames) == self._known:
@@ -219,6 +232,9 @@ class Slam:
             self._lost = False
         if correction.grid is not None:
             self.grid, self._drawn = correction.grid, self._submitted
+        if correction.walls is not None:
+            self._walls.begin_anew(correction.walls)
+            self._placed = self._submitted[0]
             self.revision += 1
 
     def _restore(self, saved: SavedMap) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import pickle
 import queue
 import struct
@@ -17,6 +18,7 @@ import threading
 from pathlib import Path
 from typing import IO, Protocol
 
+from common.environment import PROCESS_ENVIRONMENT
 from onboard.mmu.key_frames import Correction, Increment
 
 _LENGTH = struct.Struct("<Q")
@@ -38,10 +40,14 @@ class Worker(Protocol):
 
 
 class ProcessWorker:
-    """The back end in `onboard.mmu.worker_process`. One that dies is started again and given everything anew."""
+    """The back end in `onboard.mmu.worker_process`. One that dies is started again and given everything anew.
+
+    A thread talks to it: with a full pipe or a correction of a large map the step has nothing to do.
+    """
 
     def __init__(self, map_file: Path | None = None) -> None:
         self._map_file = map_file
+        self._increments: queue.SimpleQueue[Increment | None] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[Correction | None] = queue.SimpleQueue()
         self._busy = False
         self._start()
@@ -53,19 +59,25 @@ class ProcessWorker:
             "onboard.mmu.worker_process",
             *([str(self._map_file)] if self._map_file else []),
         ]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        assert self._process.stdout is not None
-        threading.Thread(target=_listen, args=(self._process.stdout, self._answers), daemon=True).start()
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=os.environ | PROCESS_ENVIRONMENT
+        )
+        threading.Thread(
+            target=_converse, args=(self._process, self._increments, self._answers), name="back end", daemon=True
+        ).start()
+
+    @property
+    def pid(self) -> int:
+        """Of the process as it runs now, for whoever measures it."""
+        return self._process.pid
 
     @property
     def busy(self) -> bool:
         return self._busy
 
     def submit(self, increment: Increment, now_s: float) -> None:
-        assert self._process.stdin is not None
         self._busy = True
-        with contextlib.suppress(BrokenPipeError):  # its end is told by `_listen`
-            send(self._process.stdin, increment)
+        self._increments.put(increment)
 
     def collect(self, now_s: float) -> Correction | None:
         try:
@@ -81,6 +93,7 @@ class ProcessWorker:
 
     def close(self) -> None:
         assert self._process.stdin is not None
+        self._increments.put(None)
         with contextlib.suppress(OSError):
             self._process.stdin.close()
         try:
@@ -92,7 +105,8 @@ class ProcessWorker:
 
 def send(stream: IO[bytes], message: object) -> None:
     data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    stream.write(_LENGTH.pack(len(data)) + data)
+    stream.write(_LENGTH.pack(len(data)))
+    stream.write(data)
     stream.flush()
 
 
@@ -106,12 +120,19 @@ def receive(stream: IO[bytes]) -> object | None:
     return message
 
 
-def _listen(stream: IO[bytes], answers: queue.SimpleQueue[Correction | None]) -> None:
-    while True:
-        try:
-            message = receive(stream)
-        except (OSError, ValueError, EOFError, pickle.UnpicklingError):
-            message = None
+def _converse(
+    process: subprocess.Popen[bytes],
+    increments: queue.SimpleQueue[Increment | None],
+    answers: queue.SimpleQueue[Correction | None],
+) -> None:
+    """One answer to every increment; None, and the end, when the process is gone."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    while (increment := increments.get()) is not None:
+        message: object = None
+        with contextlib.suppress(OSError, ValueError, EOFError, pickle.UnpicklingError):
+            send(process.stdin, increment)
+            message = receive(process.stdout)
         assert message is None or isinstance(message, Correction)
         answers.put(message)
         if message is None:

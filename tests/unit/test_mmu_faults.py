@@ -153,7 +153,7 @@ def test_a_process_that_restarts_goes_on_in_its_map(tmp_path: Path) -> None:
     assert slam.uncertainty[0] < 1.0
     assert off_m(slam, DRIVE[-1]) < 0.2
     assert len(slam.trajectory()[1]) > len(saved.poses)
-    assert slam.wall_count > len(saved.echoes)
+    assert slam.map_count > len(saved.echoes)
 
 
 def test_a_robot_that_may_have_been_carried_knows_nothing_at_first(tmp_path: Path) -> None:

@@ -1,0 +1,50 @@
+"""The occupancy grid as a message, a few rows in every step: no step may cost as much as the floor is large.
+
+The rows of one message are up to a second apart; a map that grew meanwhile shows its new rows in the next one.
+"""
+
+from __future__ import annotations
+
+import zlib
+from copy import copy
+
+from common.messages import GridUpdate
+from onboard.mmu.occupancy import CELL_M, OccupancyGrid
+
+CELLS_AT_ONCE = 100_000
+LEVEL = 1  # of zlib: a grid is mostly long runs of one value
+
+
+class GridPress:
+    """`begin` with a grid, then `advance` in every step until it gives the message."""
+
+    def __init__(self) -> None:
+        self._revision = 0
+        self._grid: OccupancyGrid | None = None
+
+    @property
+    def busy(self) -> bool:
+        return self._grid is not None
+
+    def begin(self, grid: OccupancyGrid) -> None:
+        # A shallow copy: a grid that grows takes new arrays, this one keeps its own
+        self._grid = copy(grid)
+        self._deflate = zlib.compressobj(LEVEL)
+        self._pressed = bytearray()
+        self._row = 0
+
+    def advance(self, now_s: float) -> GridUpdate | None:
+        """The message once all of the grid is in it; None before, and while nothing was begun."""
+        grid = self._grid
+        if grid is None:
+            return None
+        rows, columns = grid.shape
+        end = min(self._row + max(CELLS_AT_ONCE // columns, 1), rows)
+        self._pressed += self._deflate.compress(grid.cells(self._row, end).tobytes())
+        self._row = end
+        if end < rows:
+            return None
+        self._grid = None
+        self._revision += 1
+        self._pressed += self._deflate.flush()
+        return GridUpdate(now_s, self._revision, *grid.origin_m, CELL_M, rows, columns, bytes(self._pressed))

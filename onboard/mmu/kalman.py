@@ -1,0 +1,19 @@
+"""filterpy's extended Kalman filter, without the scipy that its other filters need -> `odometry`.
+
+`import filterpy.kalman` loads scipy.stats, .ndimage, .sparse and .linalg for functions that the extended filter never
+calls; the process of the front end uses no scipy otherwise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from onboard.mmu.on_demand import on_demand
+
+with on_demand("scipy"):
+    from filterpy.kalman import EKF, ExtendedKalmanFilter
+
+# The inverse of one number is all that the filter asks of it
+EKF.linalg = np.linalg
+
+__all__ = ["ExtendedKalmanFilter"]
