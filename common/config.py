@@ -110,6 +110,11 @@ class Config:
     visualizer: VisualizerSection = field(default_factory=VisualizerSection)
     poi: PoiSection = field(default_factory=PoiSection)
 
+    @property
+    def has_camera(self) -> bool:
+        """Does the robot look for points of interest?"""
+        return "poi" in self.comm.required
+
 
 def with_camera(config: Config) -> Config:
     """The configuration of a robot that has a camera: without the POI module nothing moves either."""

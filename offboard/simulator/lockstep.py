@@ -136,7 +136,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
         MappingUnit(back_end, config.sonars.bearings_rad),
-        Planner() if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
+        Planner(config.has_camera) if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
         Comm(config.comm, outbox=outbox),
     ]
     if recorder is not None:

@@ -6,4 +6,4 @@ from common.process import run
 from onboard.planner.planner import Planner
 
 if __name__ == "__main__":
-    sys.exit(run("planner", lambda _config, _arguments: Planner()))
+    sys.exit(run("planner", lambda config, _arguments: Planner(config.has_camera)))

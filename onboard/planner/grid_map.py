@@ -67,6 +67,26 @@ class GridMap:
     def contains(self, cell: Cell) -> bool:
         return bool(0 <= cell[0] < self.cells.shape[0] and 0 <= cell[1] < self.cells.shape[1])
 
+    def around(self, x_m: float, y_m: float, reach: int) -> set[Cell]:
+        """The cell of a position and those up to `reach` cells away from it along both axes."""
+        row, column = self.cell(x_m, y_m)
+        span = range(-reach, reach + 1)
+        return {(row + i, column + j) for i in span for j in span}
+
+    def stands(self, x_m: float, y_m: float) -> bool:
+        """May the hull stand at that position?"""
+        cell = self.cell(x_m, y_m)
+        return self.contains(cell) and bool(self.standable[cell])
+
+    def window(self, x_m: float, y_m: float, reach_m: float) -> GridMap:
+        """The part of the grid up to `reach_m` from a position along both axes."""
+        reach = round(reach_m / self.cell_m)
+        row, column = self.cell(x_m, y_m)
+        r0, c0 = max(row - reach, 0), max(column - reach, 0)
+        cut = self.cells[r0 : max(row + reach + 1, 0), c0 : max(column + reach + 1, 0)]
+        origin_x_m, origin_y_m = self.origin_x_m + c0 * self.cell_m, self.origin_y_m + r0 * self.cell_m
+        return GridMap(cut, origin_x_m, origin_y_m, self.cell_m)
+
     @cached_property
     def clearance_m(self) -> npt.NDArray[np.float32]:
         """(rows, columns) from each cell's centre to the nearest wall cell's, at most CLEARANCE_MAX_CELLS far."""

@@ -18,7 +18,6 @@ from onboard.planner.right_hand_rule import shift_rad
 STEER_MAX_RAD = radians(10.0)
 DIRECTIONS_MIN = 30  # of halls, before anything is concluded of the building
 RIGHT_ANGLES_SHARE = 0.6
-ALONG_RAD = radians(30.0)
 FOLLOW_SHARE = 0.15  # of the difference to the wall's direction, each time it is seen
 OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
 
@@ -47,11 +46,11 @@ class HallFollowing:
             )
 
     def along(self, heading_rad: float) -> float:
-        """The building's own direction next to a heading, where it has right angles and one is near; else the same."""
+        """The building's own direction next to a heading, where it has right angles; else the same."""
         if self._right_angles.weight < DIRECTIONS_MIN:
             return heading_rad
         off_rad = self._right_angles.offset_rad(heading_rad, RIGHT_ANGLES_SHARE)
-        return heading_rad if off_rad is None or abs(off_rad) >= ALONG_RAD else wrap_angle(heading_rad - off_rad)
+        return heading_rad if off_rad is None else wrap_angle(heading_rad - off_rad)
 
     def opening_passed(self, grid: GridMap, frontier: Frontier, pose: Pose2) -> Cells | None:
         """Frontier cells of an opening on the right; None where there is none, and for a while after each."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
-from math import atan2, cos, hypot, inf, radians, sin
+from math import atan2, cos, hypot, inf, pi, radians, sin
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from common.messages import Speed
 from onboard.planner import exploration
 from onboard.planner.exploration import Cells, Exploration, Frontier, FrontierGroup, as_set
 from onboard.planner.grid_map import Cell, GridMap, Mask
-from onboard.planner.hall_following import HallFollowing
+from onboard.planner.hall_following import STEER_MAX_RAD, HallFollowing
 from onboard.planner.right_hand_rule import Turn, decide
 from onboard.planner.route_planning import cheapest_way
 from onboard.planner.setbacks import Obstacles, Stillness, TriedWays
+from onboard.planner.wall_imaging import WallImaging, beginning
 from onboard.planner.way_following import Way, arrived, rest_of, speed_along
 
 FRONT_STOP_M = 0.5  # from the ring's centre: straight driving ends here
@@ -32,6 +33,8 @@ HEADING_REACHED_RAD = radians(3.0)
 TURN_TIMEOUT_S = 12.0
 BLOCK_AHEAD_M = 0.45
 RETRY_S = 3.0
+GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
+GOAL_FAR_CELLS = 4  # where the hull cannot stand at the place itself
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
@@ -46,6 +49,8 @@ class Mode(Enum):
     STRAIGHT = "following the hall"
     ROUTE = "driving to a side hall"
     LOOK = "looking"
+    IMAGE = "driving to a wall that the camera has not seen"
+    ALONG_WALL = "following a wall that the camera has not seen"
     HOME = "driving home"
     ALIGN = "home, turning to the first heading"
     GOTO = "driving to a place"
@@ -82,7 +87,8 @@ class View:
 class Mission:
     """`step` returns the wanted motion; `mode`, `groups` and `way` tell people what it is about."""
 
-    def __init__(self) -> None:
+    def __init__(self, images_walls: bool = False) -> None:
+        """`images_walls`: there is a camera, and every wall shall have been on its right."""
         self.mode = Mode.WAITING
         self.groups: list[FrontierGroup] = []
         self.way: Way = []
@@ -94,6 +100,7 @@ class Mission:
         self._look_rad = 0.0
         self._look_since_s = 0.0
         self._look_settled_s = inf
+        self._look_next_rad: float | None = None
         self._target: tuple[float, float] = (0.0, 0.0)
         self._moving_s = 0.0
         self._rest_until_s = -inf
@@ -101,6 +108,9 @@ class Mission:
         self._obstacles = Obstacles()
         self._tried = TriedWays()
         self._stillness = Stillness()
+        self._imaging = WallImaging() if images_walls else None
+        self._wall_rad = 0.0  # heading for the next leg along a wall
+        self._wall_due = False  # that leg comes next
         self._empty_lists = 0
         self._obstructions = 0  # since the last arrival
         self._at_junction = False  # a leg has ended, and no way on is chosen yet
@@ -129,7 +139,7 @@ class Mission:
 
     def detour(self, pose: Pose2) -> None:
         """Stand at a pose for another photo, then go on exploring."""
-        if self.mode in (Mode.STRAIGHT, Mode.ROUTE, Mode.LOOK):
+        if self.mode in (Mode.STRAIGHT, Mode.ROUTE, Mode.LOOK, Mode.IMAGE, Mode.ALONG_WALL):
             self.mode, self.way, self._target = Mode.RETAKE, [], (pose.x_m, pose.y_m)
             self._retake_rad = pose.heading_rad
 
@@ -145,13 +155,13 @@ class Mission:
         self._obstacles.add(x_m, y_m, view.now_s)
         # Most often this is a wall that was met at a slant and not yet placed: nothing is to be found behind it
         self._exploration.put_off(x_m, y_m)
-        if self.mode is Mode.STRAIGHT:
+        if self.mode in (Mode.STRAIGHT, Mode.ALONG_WALL):
             self._end_leg(view)
-        elif self.mode is Mode.ROUTE and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
+        elif self._visiting and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
             self._obstructions += 1
             if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._obstructions = 0
-                self._exploration.put_off(*self._target)
+                self._give_way_up(view)
         self.way = []
         self._grid_seen = -1
 
@@ -165,6 +175,8 @@ class Mission:
             self._blocked = self._obstacles.mask(view.grid)
             self._frontier = self._exploration.frontier(view.grid, self._blocked)
             self.groups = exploration.groups(view.grid, self._frontier)
+        if self._imaging is not None:
+            self._imaging.look(view.grid, view.pose)
         if view.now_s < self._rest_until_s:
             return Motion(Speed.STOP, view.pose.heading_rad)
         motion = self._act(view, dt_s)
@@ -178,8 +190,8 @@ class Mission:
 
     def _act(self, view: View, dt_s: float) -> Motion:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
-        if self._stillness.stagnates(view.pose, dt_s, under_way=self.mode is Mode.ROUTE):
-            self._exploration.put_off(*self._target)
+        if self._stillness.stagnates(view.pose, dt_s, under_way=self._visiting):
+            self._give_way_up(view)
             self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
             return stand
@@ -189,6 +201,8 @@ class Mission:
             return self._stand_and_look(view)
         if self.mode is Mode.STRAIGHT:
             return self._drive_straight(view)
+        if self.mode is Mode.ALONG_WALL:
+            return self._drive_along_wall(view)
         if self.mode is Mode.ALIGN:
             if abs(wrap_angle(view.pose.heading_rad)) < HEADING_REACHED_RAD or view.now_s > self._align_until_s:
                 self.mode = Mode.DONE
@@ -199,8 +213,19 @@ class Mission:
             return stand
         return self._follow_way(view)
 
-    def _look(self, heading_rad: float, now_s: float) -> None:
-        self.mode, self.way = Mode.LOOK, []
+    @property
+    def _visiting(self) -> bool:
+        """Under way to a place of its own choice, which it may give up."""
+        return self.mode in (Mode.ROUTE, Mode.IMAGE)
+
+    def _give_way_up(self, view: View) -> None:
+        if self.mode is Mode.IMAGE and self._imaging is not None:
+            self._imaging.settle(view.grid, Pose2(*self._target, self._wall_rad))
+        else:
+            self._exploration.put_off(*self._target)
+
+    def _look(self, heading_rad: float, now_s: float, then_rad: float | None = None) -> None:
+        self.mode, self.way, self._wall_due, self._look_next_rad = Mode.LOOK, [], False, then_rad
         self._look_rad, self._look_since_s, self._look_settled_s = heading_rad, now_s, inf
 
     def _stand_and_look(self, view: View) -> Motion:
@@ -209,12 +234,22 @@ class Mission:
             self._look_settled_s = view.now_s
         late = view.now_s - self._look_since_s > TURN_TIMEOUT_S
         if late or view.now_s - self._look_settled_s > LOOK_S:
-            self._choose(view)
+            if self._look_next_rad is not None:
+                self._look(self._look_next_rad, view.now_s)
+            else:
+                self._choose(view)
         return Motion(Speed.STOP, self._look_rad)
 
     def _choose(self, view: View) -> None:
         """P3.0: the right-most way that shows something new, back out of a dead end, else the next of the list."""
+        if self._wall_due:
+            self.mode, self._wall_due = Mode.ALONG_WALL, False
+            self._hall.begin(view.pose, self._wall_rad)
+            return
         heading_rad = self._hall.along(view.pose.heading_rad)
+        if self._stands_askew(view.pose, heading_rad):
+            self._look(heading_rad, view.now_s)
+            return
         ways = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
         open_ways = {turn for turn, way_rad in ways.items() if self._shows_new(view, way_rad, turn is Turn.FORWARD)}
         # A way that was chosen is driven before the next choice, or the robot would go round and round on the spot
@@ -228,6 +263,11 @@ class Mission:
             self._look(ways[turn], view.now_s)
         else:
             self._take_from_list(view)
+
+    def _stands_askew(self, pose: Pose2, heading_rad: float) -> bool:
+        """Does it have to turn to the hall's direction before it can judge the ways, and has not tried to yet?"""
+        tried = self.mode is Mode.LOOK and abs(wrap_angle(heading_rad - self._look_rad)) < HEADING_REACHED_RAD
+        return abs(wrap_angle(heading_rad - pose.heading_rad)) > STEER_MAX_RAD and not tried
 
     def _shows_new(self, view: View, way_rad: float, forward: bool) -> bool:
         """Would driving straight that way show new floor? To a side only what lies near the axis counts."""
@@ -257,9 +297,23 @@ class Mission:
         if self._empty_lists < LIST_PATIENCE or self._exploration.try_again():
             self._grid_seen = -1
             self._look(view.pose.heading_rad, view.now_s)
+        elif self._set_out_to_a_wall(view):
+            return True
         else:
             self.go_home()
         return False
+
+    def _set_out_to_a_wall(self, view: View) -> bool:
+        """The nearest stretch of wall that the camera has not seen, from its beginning; False where there is none."""
+        spots = self._imaging.spots(view.grid) if self._imaging is not None else {}
+        route = self._route(view, set(spots)) if spots else None
+        if route is None:
+            return False
+        first = beginning(spots, view.grid, view.grid.cell(*route[-1]))
+        route = self._route(view, {first}) or route
+        self.mode, self.way, self._target = Mode.IMAGE, route, route[-1]
+        self._wall_rad = self._hall.along(spots[view.grid.cell(*route[-1])])
+        return True
 
     def _route(self, view: View, wanted: set[Cell]) -> Way | None:
         """Way points to the cheapest of the wanted cells; None where no way leads there."""
@@ -283,10 +337,33 @@ class Mission:
             return Motion(Speed.STOP, pose.heading_rad)
         return Motion(Speed.MEDIUM, self._hall.steered_rad(pose, view.left_m, view.right_m))
 
+    def _drive_along_wall(self, view: View) -> Motion:
+        pose = view.pose
+        assert self._imaging is not None
+        self._imaging.settle(view.grid, pose)
+        self._hall.see(view.points, pose)
+        leg_rad = self._hall.heading_rad
+        reach_m = exploration.straight_reach_m(view.grid, pose, leg_rad, self._blocked)
+        if (
+            self._front_is_near(view)
+            or reach_m < exploration.STRAIGHT_MIN_M
+            or not self._imaging.worth_going_on(view.grid, pose, leg_rad)
+        ):
+            self._end_leg(view)
+            return Motion(Speed.STOP, pose.heading_rad)
+        return Motion(Speed.MEDIUM, self._hall.steered_rad(pose, view.left_m, view.right_m))
+
     def _end_leg(self, view: View) -> None:
         self._tried.add_leg(self._hall.start, view.pose)
         self._at_junction = True
-        self._look(view.pose.heading_rad, view.now_s)
+        heading_rad = self._hall.along(view.pose.heading_rad)
+        left = _facing(view.pose, wrap_angle(heading_rad + pi / 2))
+        if self._imaging is not None and self._imaging.shows_new(view.grid, left):
+            # The wall ahead, of a dead end most often: it costs a turn now, and a whole way later
+            self._imaging.settle(view.grid, left)
+            self._look(left.heading_rad, view.now_s, then_rad=heading_rad)
+        else:
+            self._look(view.pose.heading_rad, view.now_s)
 
     def _follow_way(self, view: View) -> Motion:
         pose = view.pose
@@ -304,7 +381,11 @@ class Mission:
             return stand
         self.way = rest_of(self.way, pose)
         heading_rad = atan2(self.way[0][1] - pose.y_m, self.way[0][0] - pose.x_m)
-        return Motion(speed_along(self.way, pose, heading_rad, view.grid), heading_rad)
+        speed = speed_along(self.way, pose, heading_rad, view.grid)
+        if speed is Speed.HIGH and self._imaging is not None:
+            # Decision 1: slowly wherever the wall on the right was not seen yet
+            speed = Speed.MEDIUM if self._imaging.worth_going_on(view.grid, pose, heading_rad) else speed
+        return Motion(speed, heading_rad)
 
     def _plan_way(self, view: View) -> bool:
         """A way for the present mode; False where there is none (now)."""
@@ -312,19 +393,18 @@ class Mission:
             self._choose(view)
             return self.mode is Mode.ROUTE and bool(self.way)
         target = (0.0, 0.0) if self.mode is Mode.HOME else self._target
-        goal = view.grid.cell(*target)
-        reach = 1 if self.mode is Mode.HOME else 4
-        span = range(-reach, reach + 1)
-        wanted = {(goal[0] + i, goal[1] + j) for i in span for j in span}
-        route = self._route(view, wanted)
-        if route is None and self.mode is Mode.RETAKE:
+        exact = self.mode is Mode.HOME or view.grid.stands(*target)
+        route = self._route(view, view.grid.around(*target, GOAL_NEAR_CELLS if exact else GOAL_FAR_CELLS))
+        if route is None and self.mode in (Mode.RETAKE, Mode.IMAGE):
+            if self.mode is Mode.IMAGE:
+                self._give_way_up(view)
             self._look(view.pose.heading_rad, view.now_s)
             return False
         if route is None:
             self._retry_mode, self._retry_s = self.mode, view.now_s + RETRY_S
             self.mode = Mode.STUCK
             return False
-        self.way = [*route[:-1], target] if self.mode is Mode.HOME else route
+        self.way = [*route[:-1], target] if exact else route
         return True
 
     def _still_wanted(self, view: View) -> bool:
@@ -343,6 +423,10 @@ class Mission:
             return
         if self.mode is Mode.RETAKE:
             self._look(self._retake_rad, view.now_s)
+            return
+        if self.mode is Mode.IMAGE:
+            self._look(self._wall_rad, view.now_s)
+            self._wall_due = True
             return
         direction = exploration.unknown_direction_rad(view.grid, view.pose.x_m, view.pose.y_m, view.pose.heading_rad)
         self._exploration.give_up(*self._target)

@@ -53,8 +53,9 @@ class Planner:
     name = "planner"
     period_s = 1.0 / PLANNER_RATE_HZ
 
-    def __init__(self) -> None:
-        self._mission = Mission()
+    def __init__(self, images_walls: bool = False) -> None:
+        """`images_walls`: there is a camera, and every wall shall have been on its right."""
+        self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
         self._emergency = Emergency()
         self._grid: GridMap | None = None

@@ -7,11 +7,12 @@ from math import cos, inf, nan, pi, radians, sin
 import numpy as np
 import pytest
 
-from common.geometry import Pose2, wrap_angle
+from common.geometry import Points, Pose2, wrap_angle
 from common.messages import Speed
 from onboard.planner.grid_map import GridMap
 from onboard.planner.mission import Mission, Mode, Motion, View
 from onboard.planner.setbacks import BLOCK_FOR_S
+from onboard.planner.wall_imaging import WallImaging
 from tests.unit.test_planner_grid_map import Box, drawn, hall
 from tests.unit.test_planner_route_planning import two_rooms
 
@@ -34,9 +35,10 @@ class Drive:
         self.mission = Mission()
         self.now_s = 100.0
         self.revision = 1
+        self.points: Points = np.zeros((0, 2))
 
     def view(self) -> View:
-        return View(self.now_s, self.pose, self.grid, self.revision, np.zeros((0, 2)), nan, nan, nan)
+        return View(self.now_s, self.pose, self.grid, self.revision, self.points, nan, nan, nan)
 
     def step(self) -> Motion:
         self.now_s += PERIOD_S
@@ -157,7 +159,7 @@ def test_a_long_pause_does_not_cost_the_entry_of_the_list_that_was_under_way() -
 
 
 def test_the_first_look_takes_its_time_whatever_the_clock_says() -> None:
-    drive = Drive(hall(closed=False), Pose2(2.0, 2.0, 0.0))
+    drive = Drive(hall(closed=False), Pose2(4.0, 2.0, 0.0))
     drive.mission.start(drive.pose, drive.now_s)
     assert {drive.step().speed for _ in range(10)} == {Speed.STOP}
 
@@ -197,3 +199,42 @@ def test_detour_that_nobody_wants_any_more_ends() -> None:
     mission.go_home()
     mission.end_detour(0.0, 2.0)
     assert mission.mode is Mode.HOME
+
+
+def test_a_robot_with_a_camera_has_every_wall_on_its_right_before_it_goes_home() -> None:
+    drive, eye = Drive(closed_hall(), Pose2(0.0, 0.0, 0.0)), WallImaging()
+    drive.mission = Mission(images_walls=True)
+    drive.mission.start(drive.pose, drive.now_s)
+    walls = np.count_nonzero(eye.unseen(drive.grid))
+    modes = set()
+    while drive.mission.mode is not Mode.HOME:
+        drive.step()
+        eye.look(drive.grid, drive.pose)
+        modes.add(drive.mission.mode)
+        assert drive.now_s < 600.0
+    assert Mode.ALONG_WALL in modes
+    assert np.count_nonzero(eye.unseen(drive.grid)) < 0.1 * walls
+
+
+def test_another_photo_is_taken_from_where_it_was_asked_for() -> None:
+    drive = Drive(closed_hall(), Pose2(0.0, 0.0, 0.0))
+    drive.mission.start(drive.pose, drive.now_s)
+    drive.step()
+    drive.mission.detour(Pose2(3.0, 0.3, pi))
+    assert drive.mission.mode is Mode.RETAKE
+    assert drive.until(Mode.LOOK, 60.0)
+    assert drive.pose.distance_m(Pose2(3.0, 0.3, 0.0)) < 0.2
+
+
+def test_a_robot_that_stands_askew_in_a_hall_turns_along_it_before_it_goes_on() -> None:
+    drive = Drive(hall(8.0, 2.0, closed=False), Pose2(4.0, 2.0, 0.0))
+    drive.points = np.stack([np.arange(1.0, 9.0, 0.05), np.full(160, 1.0)], axis=1)
+    drive.mission.start(drive.pose, drive.now_s)
+    assert drive.until(Mode.STRAIGHT, 20.0)
+    while drive.pose.x_m < 6.0:
+        drive.step()
+    drive.pose = Pose2(drive.pose.x_m, drive.pose.y_m, radians(-40.0))
+    drive.mission.blocked(drive.view(), radians(-60.0))
+    while drive.step().speed is Speed.STOP:
+        pass
+    assert abs(drive.pose.heading_rad) < radians(5.0)
