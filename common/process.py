@@ -29,7 +29,8 @@ from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderC
 from common.config import Config, load_config
 from common.errors import StartError
 from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick, LogLine
-from common.zenoh_bus import Mode, ZenohBus
+from common.zenoh_bus import ZenohBus
+from common.zenoh_session import Mode
 
 _PR_SET_PDEATHSIG = 1
 _CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skips steps instead of making them up

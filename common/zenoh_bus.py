@@ -1,9 +1,8 @@
 """The bus between processes: Zenoh below the same `Bus` protocol as `LocalBus`.
 
 A node's thread calls `publish`, `latest`, `take`, `age_s`; Zenoh's threads only store raw bytes with their time of
-arrival, which are decoded when the node looks. comm opens mode "router" on loopback, the others are peers that find
-each other through it (gossip) and keep their links when it goes. The stop path has a session, hence a TCP connection,
-of its own: priorities cannot overtake bytes that already sit in a TCP buffer.
+arrival, which are decoded when the node looks. The stop path has a session, hence a TCP connection, of its own:
+priorities cannot overtake bytes that already sit in a TCP buffer.
 
 STATE topics: the publisher answers a query with everything since its newest full snapshot; a subscriber asks when it
 joins, when the publisher appears, and when a sequence number is missing, and keeps what comes live until the answer.
@@ -13,38 +12,32 @@ records them misses nothing while it is restarted.
 
 from __future__ import annotations
 
-import json
 import logging
 import secrets
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgpack
 import zenoh
 
 from common.bus import QUEUE_LENGTH
-from common.clock import FREE_LEASE_S, Announcements, Clock
+from common.clock import Announcements, Clock
 from common.codec import DecodeError, Envelope, decode, encode
 from common.config import Config
-from common.errors import StartError
 from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, RecentMessages, Tap, asked_after
 from common.messages import STOP, Stance, Topic
+from common.zenoh_session import LAPTOP_ROUTER, Mode, close_sessions, open_session
 
 P = TypeVar("P")
-Mode = Literal["peer", "client", "router"]
 
 LOST_S = 0.5  # wall time; under the shared clock, a message that was announced and is later than this will not come
 _QUERY_TIMEOUT_S = 1.0
 _QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all the time
 _KNOWN_BOOTS = 16
-_CLOSE_TIMEOUT_S = 1.0
-
-LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
 
 _log = logging.getLogger(__name__)
 
@@ -60,43 +53,6 @@ _CONGESTION = {
     stance: zenoh.CongestionControl.BLOCK if stance is Stance.EVENT else zenoh.CongestionControl.DROP
     for stance in Stance
 }
-
-
-def session_config(mode: Mode, router: str, lease_s: float = FREE_LEASE_S, beyond: str | None = None) -> zenoh.Config:
-    """What every session of the loopback mesh shares. Multicast and shared memory fail in containers, hence neither.
-
-    `router` is where a router listens and the others connect; `beyond` another router that this one connects to.
-    """
-    connect = ([beyond] if beyond else []) if mode == "router" else [router]
-    values: dict[str, Any] = {
-        "mode": mode,
-        "listen/endpoints": {"router": [router], "peer": ["tcp/127.0.0.1:0"], "client": []}[mode],
-        "connect/endpoints": connect,
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": True,
-        "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
-        "transport/link/tx/lease": round(1000 * lease_s),
-        "transport/link/tx/keep_alive": 4,
-        "transport/link/tx/queue/size/real_time": 16,
-        "transport/shared_memory/enabled": False,
-    }
-    if mode == "client":
-        values |= {"connect/timeout_ms": 1500, "connect/exit_on_failure": True}
-    config = zenoh.Config()
-    for key, value in values.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
-def _open(mode: Mode, router: str, lease_s: float, beyond: str | None = None) -> zenoh.Session:
-    try:
-        return zenoh.open(session_config(mode, router, lease_s, beyond))
-    except zenoh.ZError as error:
-        if mode == "router":
-            hint = "another mesh uses it; stop that one, or give this one another [mesh] router in robot.toml"
-            raise StartError(f"Cannot listen on {router}: {hint}.") from error
-        raise StartError(f"No mesh answers at {router}: start it, or correct [mesh] router in robot.toml.") from error
 
 
 @dataclass(slots=True)
@@ -149,14 +105,14 @@ class ZenohBus:
         self._arrival = threading.Event()
         mesh = config.mesh
         if mode == "router" and name == LAPTOP_ROUTER:
-            self._session = _open(mode, mesh.laptop_router, clock.lease_s, beyond=mesh.router)
+            self._session = open_session(mode, mesh.laptop_router, clock.lease_s, beyond=mesh.router)
         else:
-            self._session = _open(mode, mesh.router, clock.lease_s)
+            self._session = open_session(mode, mesh.router, clock.lease_s)
         self._stop_session = self._session
         self._token: Any = None
         try:
             if mode == "peer" and name in (STOP.producer, *STOP.consumers):
-                self._stop_session = _open(mode, config.mesh.router, clock.lease_s)
+                self._stop_session = open_session(mode, config.mesh.router, clock.lease_s)
             self._token_watch = self._session.liveliness().declare_subscriber(
                 f"{self._robot}/*/alive", _direct(self._on_token), history=True
             )
@@ -167,20 +123,8 @@ class ZenohBus:
             raise
 
     def close(self) -> bool:
-        """Leaves the mesh; to be called once more does no harm. False when Zenoh is not done yet.
-
-        It waits 10 s for a frozen neighbour to take the farewell: the lease tells that one as well, so it is left.
-        """
-        closers = [
-            threading.Thread(target=_close, args=(session,), daemon=True)
-            for session in {id(s): s for s in (self._stop_session, self._session)}.values()
-        ]
-        for closer in closers:
-            closer.start()
-        deadline_s = time.monotonic() + _CLOSE_TIMEOUT_S
-        for closer in closers:
-            closer.join(max(0.0, deadline_s - time.monotonic()))
-        return not any(closer.is_alive() for closer in closers)
+        """Leaves the mesh; to be called once more does no harm. False when Zenoh is not done yet."""
+        return close_sessions((self._stop_session, self._session))
 
     def alive_tokens(self) -> frozenset[str]:
         """The modules whose Zenoh runtime lives; that says nothing yet about their own loop."""
@@ -447,11 +391,6 @@ class ZenohBus:
         count = self.decode_errors[topic.key] = self.decode_errors.get(topic.key, 0) + 1
         if count == 1:
             _log.warning("undecodable topic=%s error=%s", topic.key, error)
-
-
-def _close(session: zenoh.Session) -> None:
-    with suppress(zenoh.ZError):
-        session.close()  # type: ignore[no-untyped-call]
 
 
 def _direct(function: Callable[[Any], None]) -> Any:

@@ -29,7 +29,8 @@ from common.messages import (
     Status,
     StopRequest,
 )
-from common.zenoh_bus import LOST_S, ZenohBus, session_config
+from common.zenoh_bus import LOST_S, ZenohBus
+from common.zenoh_session import session_config
 
 pytestmark = pytest.mark.timeout(30)
 
