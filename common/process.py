@@ -253,7 +253,8 @@ def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
 def _set_up_log(name: str, folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
     """Everything from INFO on into the file (or to stderr without a folder) and to the bus; Zenoh's own errors too."""
     if to_terminal:
-        zenoh.init_log_from_env_or("error")
+        # Of TLS the warnings too: a machine that was refused for its certificate
+        zenoh.init_log_from_env_or("error,zenoh_link_tls=warn")
     handler: logging.Handler = logging.StreamHandler() if to_terminal else logging.NullHandler()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,8 +1,9 @@
 """The bus between processes: Zenoh below the same `Bus` protocol as `LocalBus`.
 
 A node's thread calls `publish`, `latest`, `take`, `age_s`; Zenoh's threads only store raw bytes with their time of
-arrival, which are decoded when the node looks. The stop path has a session, hence a TCP connection, of its own:
-priorities cannot overtake bytes that already sit in a TCP buffer.
+arrival, which are decoded when the node looks. Commands have a session, hence a TCP connection, of their own:
+priorities cannot overtake bytes that already sit in a TCP buffer. Where there are keys they are signed and judged here
+(command_gate.py), so that no node knows of it.
 
 STATE topics: the publisher answers a query with everything since its newest full snapshot; a subscriber asks when it
 joins, when the publisher appears, and when a sequence number is missing, and keeps what comes live until the answer.
@@ -27,10 +28,19 @@ import zenoh
 from common.bus import QUEUE_LENGTH
 from common.clock import Announcements, Clock
 from common.codec import DecodeError, Envelope, decode, encode
+from common.command_gate import CommandGate
 from common.config import Config
 from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, RecentMessages, Tap, asked_after
-from common.messages import STOP, Stance, Topic
-from common.zenoh_session import LAPTOP_ROUTER, Mode, close_sessions, open_session
+from common.messages import PERMIT, Stance, Topic
+from common.zenoh_session import (
+    Mode,
+    close_sessions,
+    command_way,
+    direct,
+    main_way,
+    open_session,
+    watch_links,
+)
 
 P = TypeVar("P")
 
@@ -60,7 +70,7 @@ class _Inbox:
     """What came of one topic. `lock` guards `pending` and `replies`, which Zenoh's threads write."""
 
     topic: Topic[Any]
-    pending: deque[tuple[float, bytes]]
+    pending: deque[tuple[float, bytes, bytes]]  # arrival, message, its seal
     lock: threading.Lock = field(default_factory=threading.Lock)
     replies: list[tuple[float, bytes]] = field(default_factory=list)
     query_due: bool = False
@@ -103,18 +113,20 @@ class ZenohBus:
         self._tap_subscribers: list[Any] = []
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
-        mesh = config.mesh
-        if mode == "router" and name == LAPTOP_ROUTER:
-            self._session = open_session(mode, mesh.laptop_router, clock.lease_s, beyond=mesh.router)
-        else:
-            self._session = open_session(mode, mesh.router, clock.lease_s)
-        self._stop_session = self._session
+        self.gate = CommandGate(name, config)
+        own_way, for_commands = main_way(name, mode, config), command_way(name, mode, config)
+        self._session = self._command_session = open_session(own_way, clock.lease_s)
         self._token: Any = None
         try:
-            if mode == "peer" and name in (STOP.producer, *STOP.consumers):
-                self._stop_session = open_session(mode, config.mesh.router, clock.lease_s)
+            if for_commands is not None:
+                self._command_session = open_session(for_commands, clock.lease_s)
+            if self.gate.wants_challenges:
+                self._challenges = self._command_session.declare_subscriber(
+                    self._key(PERMIT), direct(self._hear_challenge)
+                )
+            self._link_watch = watch_links(self._session) if own_way.rules is not None else None
             self._token_watch = self._session.liveliness().declare_subscriber(
-                f"{self._robot}/*/alive", _direct(self._on_token), history=True
+                f"{self._robot}/*/alive", direct(self._on_token), history=True
             )
             if mode != "client":
                 self._token = self._session.liveliness().declare_token(f"{self._robot}/{name}/alive")
@@ -124,7 +136,7 @@ class ZenohBus:
 
     def close(self) -> bool:
         """Leaves the mesh; to be called once more does no harm. False when Zenoh is not done yet."""
-        return close_sessions((self._stop_session, self._session))
+        return close_sessions((self._command_session, self._session))
 
     def alive_tokens(self) -> frozenset[str]:
         """The modules whose Zenoh runtime lives; that says nothing yet about their own loop."""
@@ -138,6 +150,8 @@ class ZenohBus:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:
             outbox = self._outboxes[topic.key] = self._declare(topic)
+        if self.gate.holds_back(topic, payload):
+            return
         outbox.sequence += 1
         data = encode(payload, outbox.sequence, self._boot_id)
         if topic.recorded:
@@ -149,7 +163,7 @@ class ZenohBus:
                 if not getattr(payload, "start", 0):
                     outbox.history.clear()
                 outbox.history.append(data)
-        outbox.publisher.put(data)
+        outbox.publisher.put(data, attachment=self.gate.seal(topic, payload, data))
         if self.announced is not None and topic.consumers and topic.stance in (Stance.LATEST, Stance.COMMAND):
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
 
@@ -201,7 +215,7 @@ class ZenohBus:
             if envelope is not None:
                 handler(envelope.payload)
 
-        subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(receive))
+        subscriber = self._session_for(topic).declare_subscriber(self._key(topic), direct(receive))
         self._inboxes[topic.key] = _Inbox(topic, deque(maxlen=1), subscriber=subscriber)
 
     def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
@@ -217,7 +231,7 @@ class ZenohBus:
                 else:
                     tap.store(topic.key, bytes(sample.payload))
 
-            return self._session_for(topic).declare_subscriber(self._key(topic), _direct(store))
+            return self._session_for(topic).declare_subscriber(self._key(topic), direct(store))
 
         self._tap_subscribers = [subscribe(topic) for topic in by_key.values()]
 
@@ -250,7 +264,7 @@ class ZenohBus:
         return f"{self._robot}/{topic.key}"
 
     def _session_for(self, topic: Topic[Any]) -> zenoh.Session:
-        return self._stop_session if topic is STOP else self._session
+        return self._command_session if topic.is_command else self._session
 
     def _declare(self, topic: Topic[Any]) -> _Outbox:
         publisher = self._session_for(topic).declare_publisher(
@@ -269,10 +283,15 @@ class ZenohBus:
                     pack = msgpack.packb(messages)
                 query.reply(self._key(topic), pack)
 
-            outbox.queryable = self._session.declare_queryable(self._key(topic), _direct(answer))
+            outbox.queryable = self._session_for(topic).declare_queryable(self._key(topic), direct(answer))
         return outbox
 
     # Receiving
+
+    def _hear_challenge(self, sample: zenoh.Sample) -> None:
+        envelope = self._decoded(PERMIT, bytes(sample.payload))
+        if envelope is not None:
+            self.gate.hear(envelope.payload.challenge)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         module = str(sample.key_expr).split("/")[1]
@@ -295,12 +314,13 @@ class ZenohBus:
             if len(sample.payload) > MESSAGE_BYTES_MAX:
                 self._count_error(topic, ValueError(f"{len(sample.payload)} bytes are too many"))
                 return
-            arrival = (self._clock.now_s(), bytes(sample.payload))
+            sealed = sample.attachment
+            arrival = (self._clock.now_s(), bytes(sample.payload), bytes(sealed) if sealed is not None else b"")
             with inbox.lock:
                 inbox.pending.append(arrival)
             self._arrival.set()
 
-        inbox.subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(store))
+        inbox.subscriber = self._session_for(topic).declare_subscriber(self._key(topic), direct(store))
         self._inboxes[topic.key] = inbox
         return inbox
 
@@ -323,8 +343,10 @@ class ZenohBus:
         for arrived_s, pack in replies:
             for data in self._unpacked(topic, pack):
                 self._accept(inbox, arrived_s, self._decoded(topic, data))
-        for i, (arrived_s, data) in enumerate(live):
+        for i, (arrived_s, data, sealed) in enumerate(live):
             envelope = self._decoded(topic, data)
+            if envelope is not None and self.gate.refuses(topic, envelope, data, sealed):
+                continue
             if not answered and envelope is not None and self._misses_some(inbox, envelope):
                 inbox.query_due = True
                 with inbox.lock:
@@ -391,8 +413,3 @@ class ZenohBus:
         count = self.decode_errors[topic.key] = self.decode_errors.get(topic.key, 0) + 1
         if count == 1:
             _log.warning("undecodable topic=%s error=%s", topic.key, error)
-
-
-def _direct(function: Callable[[Any], None]) -> Any:
-    # On Zenoh's own thread: a Python thread per subscriber would have to be joined before the process can end
-    return zenoh.handlers.Callback(function, indirect=False)
