@@ -27,7 +27,7 @@ _TELLING = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
 _ASKING = ["declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"]
 
 # Every address of a board but this one can be reached from outside
-_LOOPBACK = {"link_protocols": ["tcp"], "interfaces": ["lo"]}
+_LOOPBACK = {"link_protocols": ["tcp"], "interfaces": ["lo", "lo0"]}
 
 Rules = dict[str, Any]  # the value of Zenoh's `access_control`
 

@@ -5,7 +5,6 @@ Whether they can serve is found out by a handshake of the certificate with itsel
 
 from __future__ import annotations
 
-import ssl
 from contextlib import suppress
 from pathlib import Path
 
@@ -28,19 +27,9 @@ def checked_folder(keys: Path, role: str) -> Path:
     make = _MAKE.format(role=role)
     for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
         _read(folder / name, make)
-    certificate = folder / CERTIFICATE
-    try:
-        _shake_hands(folder)
-    except ssl.SSLCertVerificationError as error:
-        problem = {
-            _NOT_YET_VALID: "is not valid yet: set this machine's clock",
-            _EXPIRED: f"has expired: {make}",
-        }.get(error.verify_code, f"is not of the authority in {folder / AUTHORITY}: {make}")
-        raise StartError(f"The certificate {certificate} {problem}.") from error
-    except ssl.SSLError as error:
-        raise StartError(
-            f"{certificate}, {PRIVATE_KEY} and {AUTHORITY} beside it do not fit together: {make}."
-        ) from error
+    problem = _problem(folder, make)
+    if problem:
+        raise StartError(problem)
     return folder
 
 
@@ -65,16 +54,30 @@ def _read(file: Path, make: str) -> bytes:
         ) from error
 
 
-def _shake_hands(folder: Path) -> None:
-    """Raises ssl.SSLError."""
+def _problem(folder: Path, make: str) -> str:
+    """Why a certificate cannot serve, as one sentence; empty when it can."""
+    # 4 MB of memory, which a board without keys spares
+    import ssl
+
+    certificate = folder / CERTIFICATE
     server, client = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     client.check_hostname = False
-    # An empty password: a locked key must not ask for one on the terminal
-    server.load_cert_chain(folder / CERTIFICATE, folder / PRIVATE_KEY, password="")
-    client.load_verify_locations(folder / AUTHORITY)
     to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
-    caller = client.wrap_bio(to_client, to_server)
-    called = server.wrap_bio(to_server, to_client, server_side=True)
-    for end in (caller, called, caller):
-        with suppress(ssl.SSLWantReadError):
-            end.do_handshake()
+    try:
+        # An empty password: a locked key must not ask for one on the terminal
+        server.load_cert_chain(certificate, folder / PRIVATE_KEY, password="")
+        client.load_verify_locations(folder / AUTHORITY)
+        caller = client.wrap_bio(to_client, to_server)
+        called = server.wrap_bio(to_server, to_client, server_side=True)
+        for end in (caller, called, caller):
+            with suppress(ssl.SSLWantReadError):
+                end.do_handshake()
+    except ssl.SSLCertVerificationError as error:
+        if error.verify_code == _NOT_YET_VALID:
+            return f"The certificate {certificate} is not valid yet: set this machine's clock."
+        if error.verify_code == _EXPIRED:
+            return f"The certificate {certificate} has expired: {make}."
+        return f"The certificate {certificate} is not of the authority in {folder / AUTHORITY}: {make}."
+    except ssl.SSLError:
+        return f"{certificate}, {PRIVATE_KEY} and {AUTHORITY} beside it do not fit together: {make}."
+    return ""

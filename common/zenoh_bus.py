@@ -25,6 +25,7 @@ from typing import Any, TypeVar
 import msgpack
 import zenoh
 
+from common.access import alive_key
 from common.bus import QUEUE_LENGTH
 from common.clock import Announcements, Clock
 from common.codec import DecodeError, Envelope, decode, encode
@@ -126,10 +127,10 @@ class ZenohBus:
                 )
             self._link_watch = watch_links(self._session) if own_way.rules is not None else None
             self._token_watch = self._session.liveliness().declare_subscriber(
-                f"{self._robot}/*/alive", direct(self._on_token), history=True
+                f"{self._robot}/{alive_key('*')}", direct(self._on_token), history=True
             )
             if mode != "client":
-                self._token = self._session.liveliness().declare_token(f"{self._robot}/{name}/alive")
+                self._token = self._session.liveliness().declare_token(f"{self._robot}/{alive_key(name)}")
         except BaseException:
             self.close()
             raise

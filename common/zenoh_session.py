@@ -163,10 +163,9 @@ def _tell_link(event: zenoh.LinkEvent) -> None:
         return
     if event.kind == zenoh.SampleKind.DELETE:
         _log.info("a machine has left certificate=%s", role)
-    elif access.may_command(role):
-        _log.info("a machine has joined certificate=%s", role)
     else:
-        _log.warning("a machine has joined whose commands are refused certificate=%s", role)
+        commands = "taken" if access.may_command(role) else "refused"
+        _log.info("a machine has joined certificate=%s commands=%s", role, commands)
 
 
 def close_sessions(sessions: Iterable[zenoh.Session]) -> bool:

@@ -56,6 +56,7 @@ def test_no_program_imports_tests() -> None:
         ("zenoh", ("common/zenoh_bus.py", "common/zenoh_session.py", "common/process.py")),
         ("cv2", ("offboard", "onboard/poi")),
         ("serial", ("onboard/bridge",)),
+        ("cryptography", ("deploy",)),
         ("mujoco", ("offboard/simulator",)),
         ("filterpy", ("onboard/mmu",)),
         ("scipy", ("onboard/mmu", "offboard")),
