@@ -246,21 +246,27 @@ def test_an_unsigned_release_is_refused_even_with_the_right_certificate_and_on_t
 @pytest.fixture
 def recorded(keyed: KeyedMesh) -> list[Sealed]:
     """Release and resume as the rightful command center sent them a moment ago; the robot is stopped again."""
-    heard: dict[str, Sealed] = {}
+    heard: dict[tuple[str, bool], Sealed] = {}
 
     def keep(sample: zenoh.Sample) -> None:
-        if sample.attachment is not None:
-            heard[str(sample.key_expr)] = (str(sample.key_expr), bytes(sample.payload), bytes(sample.attachment))
+        seal = bytes(sample.attachment) if sample.attachment is not None else None
+        heard[str(sample.key_expr), seal is not None] = (str(sample.key_expr), bytes(sample.payload), seal)
+
+    def a_stop_was_heard() -> bool:
+        keyed.go()
+        keyed.stop()
+        return (keyed.keyed(STOP), False) in heard
 
     with zenoh.open(session_config(keyed.by_tls(keyed.keys / "laptop"))) as laptop:
-        ears = [laptop.declare_subscriber(keyed.keyed(topic), direct(keep)) for topic in (STOP, OPERATION)]
-        keyed.stop()
+        ears = [laptop.declare_subscriber(keyed.keyed(topic), direct(keep)) for topic in (OPERATION, STOP)]
+        until(a_stop_was_heard, what="the link to the command center")
         keyed.go()
-        until(lambda: len(heard) == 2, what="the commands")
+        wanted = [(keyed.keyed(topic), True) for topic in (STOP, OPERATION)]
+        until(lambda: all(command in heard for command in wanted), what="the commands")
         for ear in ears:
             ear.undeclare()
     keyed.stop()
-    return list(heard.values())
+    return [heard[command] for command in wanted]
 
 
 def test_a_recorded_release_that_is_sent_again_does_nothing(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
