@@ -14,6 +14,7 @@ from common.messages import StopRequest
 
 CHALLENGE_BYTES = 16
 CHALLENGE_PERIOD_S = 2.0
+SEAL_BYTES = CHALLENGE_BYTES + 32  # challenge and HMAC-SHA256
 
 _GENERATIONS = 2  # challenges that count at a time: a command is on its way while the next one comes
 

@@ -33,6 +33,7 @@ from common.command_gate import CommandGate
 from common.config import Config
 from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, RecentMessages, Tap, asked_after
 from common.messages import PERMIT, Stance, Topic
+from common.signing import SEAL_BYTES
 from common.zenoh_session import (
     Mode,
     close_sessions,
@@ -315,8 +316,7 @@ class ZenohBus:
             if len(sample.payload) > MESSAGE_BYTES_MAX:
                 self._count_error(topic, ValueError(f"{len(sample.payload)} bytes are too many"))
                 return
-            sealed = sample.attachment
-            arrival = (self._clock.now_s(), bytes(sample.payload), bytes(sealed) if sealed is not None else b"")
+            arrival = (self._clock.now_s(), bytes(sample.payload), _seal_of(sample))
             with inbox.lock:
                 inbox.pending.append(arrival)
             self._arrival.set()
@@ -414,3 +414,9 @@ class ZenohBus:
         count = self.decode_errors[topic.key] = self.decode_errors.get(topic.key, 0) + 1
         if count == 1:
             _log.warning("undecodable topic=%s error=%s", topic.key, error)
+
+
+def _seal_of(sample: zenoh.Sample) -> bytes:
+    """What travelled beside a message, as far as it can be a seal."""
+    beside = sample.attachment
+    return bytes(beside) if beside is not None and len(beside) == SEAL_BYTES else b""

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.messages import Operation, OperatorCommand, StopRequest
-from common.signing import CHALLENGE_BYTES, Signer, Verifier, needs_seal
+from common.signing import CHALLENGE_BYTES, SEAL_BYTES, Signer, Verifier, needs_seal
 
 KEY = b"k" * 32
 TOPIC = "robot1/command_center/operation"
@@ -41,6 +41,7 @@ class Pair:
 def test_a_signed_command_counts_once(data: bytes, sequence: int) -> None:
     pair = Pair()
     sealed = pair.signer.seal(TOPIC, data)
+    assert len(sealed) == SEAL_BYTES
     assert pair.refusal(sequence, data, sealed) == ""
     assert "sent again" in pair.refusal(sequence, data, sealed)
 
