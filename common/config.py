@@ -36,8 +36,13 @@ class RobotSection:
 
 @dataclass(frozen=True, slots=True)
 class MeshSection:
-    router: str = "tcp/127.0.0.1:7447"  # where comm listens and every other process connects
+    """Who meets where. One file may serve all machines: each process takes of it what is for its own."""
+
+    router: str = "tcp/127.0.0.1:7447"  # where comm listens, and the modules beside it connect
     laptop_router: str = "tcp/127.0.0.1:7448"  # where the recorder listens, the laptop's own router
+    listen: str = ""  # where comm listens for the other machines, e.g. "tls/0.0.0.0:7449"; empty: for none
+    robot: str = ""  # where the other machines find comm, e.g. "tls/robot:7449"; empty: all is on this machine
+    keys: str = ""  # folder that `deploy keys` made; empty: everybody on this machine may command
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +159,15 @@ def _check(config: Config, file: str) -> None:
     name = config.robot.name
     if not name or any(c in "/*$#?@ " for c in name):
         raise ConfigError(f"{file}: robot.name must be one word without / * $ # ? @, not {name!r}.")
+    for key, endpoint in (("listen", config.mesh.listen), ("robot", config.mesh.robot)):
+        if endpoint and not endpoint.startswith("tls/"):
+            raise ConfigError(
+                f'{file}: mesh.{key} leaves this machine, so it must be "tls/HOST:PORT", not {endpoint!r}.'
+            )
+        if endpoint and not config.mesh.keys:
+            raise ConfigError(
+                f"{file}: mesh.{key} needs mesh.keys, the folder that `indoor-mapping deploy keys` makes."
+            )
     for module in config.comm.required:
         if module not in STATUS:
             raise ConfigError(f"{file}: comm.required names {module!r}; the modules are {', '.join(STATUS)}.")

@@ -244,6 +244,7 @@ class Permit:
     reason: str
     stop_sources: tuple[str, ...] = ()  # who holds the latched stop
     valid: bool = True
+    challenge: bytes = b""  # what a command must be signed over now; empty where none need be
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,6 +374,11 @@ class Topic(Generic[P]):
     def recorded(self) -> bool:
         """Every message of it belongs into the run database."""
         return "recorder" in self.consumers and self.stance is not Stance.BULK
+
+    @property
+    def is_command(self) -> bool:
+        """A person's word to the robot: only the command center says it."""
+        return self.producer == "command_center" and self.stance is Stance.COMMAND
 
 
 _TOPICS: dict[str, Topic[object]] = {}

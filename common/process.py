@@ -29,7 +29,8 @@ from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderC
 from common.config import Config, load_config
 from common.errors import StartError
 from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick, LogLine
-from common.zenoh_bus import Mode, ZenohBus
+from common.zenoh_bus import ZenohBus
+from common.zenoh_session import Mode
 
 _PR_SET_PDEATHSIG = 1
 _CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skips steps instead of making them up
@@ -252,7 +253,8 @@ def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
 def _set_up_log(name: str, folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
     """Everything from INFO on into the file (or to stderr without a folder) and to the bus; Zenoh's own errors too."""
     if to_terminal:
-        zenoh.init_log_from_env_or("error")
+        # Of TLS the warnings too: a machine that was refused for its certificate
+        zenoh.init_log_from_env_or("error,zenoh_link_tls=warn")
     handler: logging.Handler = logging.StreamHandler() if to_terminal else logging.NullHandler()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,9 +1,9 @@
 """The bus between processes: Zenoh below the same `Bus` protocol as `LocalBus`.
 
 A node's thread calls `publish`, `latest`, `take`, `age_s`; Zenoh's threads only store raw bytes with their time of
-arrival, which are decoded when the node looks. comm opens mode "router" on loopback, the others are peers that find
-each other through it (gossip) and keep their links when it goes. The stop path has a session, hence a TCP connection,
-of its own: priorities cannot overtake bytes that already sit in a TCP buffer.
+arrival, which are decoded when the node looks. Commands have a session, hence a TCP connection, of their own:
+priorities cannot overtake bytes that already sit in a TCP buffer. Where there are keys they are signed and judged here
+(command_gate.py), so that no node knows of it.
 
 STATE topics: the publisher answers a query with everything since its newest full snapshot; a subscriber asks when it
 joins, when the publisher appears, and when a sequence number is missing, and keeps what comes live until the answer.
@@ -13,38 +13,43 @@ records them misses nothing while it is restarted.
 
 from __future__ import annotations
 
-import json
 import logging
 import secrets
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgpack
 import zenoh
 
+from common.access import alive_key
 from common.bus import QUEUE_LENGTH
-from common.clock import FREE_LEASE_S, Announcements, Clock
+from common.clock import Announcements, Clock
 from common.codec import DecodeError, Envelope, decode, encode
+from common.command_gate import CommandGate
 from common.config import Config
-from common.errors import StartError
 from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, RecentMessages, Tap, asked_after
-from common.messages import STOP, Stance, Topic
+from common.messages import PERMIT, Stance, Topic
+from common.signing import SEAL_BYTES
+from common.zenoh_session import (
+    Mode,
+    close_sessions,
+    command_way,
+    direct,
+    main_way,
+    open_session,
+    watch_links,
+)
 
 P = TypeVar("P")
-Mode = Literal["peer", "client", "router"]
 
 LOST_S = 0.5  # wall time; under the shared clock, a message that was announced and is later than this will not come
 _QUERY_TIMEOUT_S = 1.0
 _QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all the time
 _KNOWN_BOOTS = 16
-_CLOSE_TIMEOUT_S = 1.0
-
-LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
 
 _log = logging.getLogger(__name__)
 
@@ -62,49 +67,12 @@ _CONGESTION = {
 }
 
 
-def session_config(mode: Mode, router: str, lease_s: float = FREE_LEASE_S, beyond: str | None = None) -> zenoh.Config:
-    """What every session of the loopback mesh shares. Multicast and shared memory fail in containers, hence neither.
-
-    `router` is where a router listens and the others connect; `beyond` another router that this one connects to.
-    """
-    connect = ([beyond] if beyond else []) if mode == "router" else [router]
-    values: dict[str, Any] = {
-        "mode": mode,
-        "listen/endpoints": {"router": [router], "peer": ["tcp/127.0.0.1:0"], "client": []}[mode],
-        "connect/endpoints": connect,
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": True,
-        "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
-        "transport/link/tx/lease": round(1000 * lease_s),
-        "transport/link/tx/keep_alive": 4,
-        "transport/link/tx/queue/size/real_time": 16,
-        "transport/shared_memory/enabled": False,
-    }
-    if mode == "client":
-        values |= {"connect/timeout_ms": 1500, "connect/exit_on_failure": True}
-    config = zenoh.Config()
-    for key, value in values.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
-def _open(mode: Mode, router: str, lease_s: float, beyond: str | None = None) -> zenoh.Session:
-    try:
-        return zenoh.open(session_config(mode, router, lease_s, beyond))
-    except zenoh.ZError as error:
-        if mode == "router":
-            hint = "another mesh uses it; stop that one, or give this one another [mesh] router in robot.toml"
-            raise StartError(f"Cannot listen on {router}: {hint}.") from error
-        raise StartError(f"No mesh answers at {router}: start it, or correct [mesh] router in robot.toml.") from error
-
-
 @dataclass(slots=True)
 class _Inbox:
     """What came of one topic. `lock` guards `pending` and `replies`, which Zenoh's threads write."""
 
     topic: Topic[Any]
-    pending: deque[tuple[float, bytes]]
+    pending: deque[tuple[float, bytes, bytes]]  # arrival, message, its seal
     lock: threading.Lock = field(default_factory=threading.Lock)
     replies: list[tuple[float, bytes]] = field(default_factory=list)
     query_due: bool = False
@@ -147,40 +115,30 @@ class ZenohBus:
         self._tap_subscribers: list[Any] = []
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
-        mesh = config.mesh
-        if mode == "router" and name == LAPTOP_ROUTER:
-            self._session = _open(mode, mesh.laptop_router, clock.lease_s, beyond=mesh.router)
-        else:
-            self._session = _open(mode, mesh.router, clock.lease_s)
-        self._stop_session = self._session
+        self.gate = CommandGate(name, config)
+        own_way, for_commands = main_way(name, mode, config), command_way(name, mode, config)
+        self._session = self._command_session = open_session(own_way, clock.lease_s)
         self._token: Any = None
         try:
-            if mode == "peer" and name in (STOP.producer, *STOP.consumers):
-                self._stop_session = _open(mode, config.mesh.router, clock.lease_s)
+            if for_commands is not None:
+                self._command_session = open_session(for_commands, clock.lease_s)
+            if self.gate.wants_challenges:
+                self._challenges = self._command_session.declare_subscriber(
+                    self._key(PERMIT), direct(self._hear_challenge)
+                )
+            self._link_watch = watch_links(self._session) if own_way.rules is not None else None
             self._token_watch = self._session.liveliness().declare_subscriber(
-                f"{self._robot}/*/alive", _direct(self._on_token), history=True
+                f"{self._robot}/{alive_key('*')}", direct(self._on_token), history=True
             )
             if mode != "client":
-                self._token = self._session.liveliness().declare_token(f"{self._robot}/{name}/alive")
+                self._token = self._session.liveliness().declare_token(f"{self._robot}/{alive_key(name)}")
         except BaseException:
             self.close()
             raise
 
     def close(self) -> bool:
-        """Leaves the mesh; to be called once more does no harm. False when Zenoh is not done yet.
-
-        It waits 10 s for a frozen neighbour to take the farewell: the lease tells that one as well, so it is left.
-        """
-        closers = [
-            threading.Thread(target=_close, args=(session,), daemon=True)
-            for session in {id(s): s for s in (self._stop_session, self._session)}.values()
-        ]
-        for closer in closers:
-            closer.start()
-        deadline_s = time.monotonic() + _CLOSE_TIMEOUT_S
-        for closer in closers:
-            closer.join(max(0.0, deadline_s - time.monotonic()))
-        return not any(closer.is_alive() for closer in closers)
+        """Leaves the mesh; to be called once more does no harm. False when Zenoh is not done yet."""
+        return close_sessions((self._command_session, self._session))
 
     def alive_tokens(self) -> frozenset[str]:
         """The modules whose Zenoh runtime lives; that says nothing yet about their own loop."""
@@ -194,6 +152,8 @@ class ZenohBus:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:
             outbox = self._outboxes[topic.key] = self._declare(topic)
+        if self.gate.holds_back(topic, payload):
+            return
         outbox.sequence += 1
         data = encode(payload, outbox.sequence, self._boot_id)
         if topic.recorded:
@@ -205,7 +165,7 @@ class ZenohBus:
                 if not getattr(payload, "start", 0):
                     outbox.history.clear()
                 outbox.history.append(data)
-        outbox.publisher.put(data)
+        outbox.publisher.put(data, attachment=self.gate.seal(topic, payload, data))
         if self.announced is not None and topic.consumers and topic.stance in (Stance.LATEST, Stance.COMMAND):
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
 
@@ -257,7 +217,7 @@ class ZenohBus:
             if envelope is not None:
                 handler(envelope.payload)
 
-        subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(receive))
+        subscriber = self._session_for(topic).declare_subscriber(self._key(topic), direct(receive))
         self._inboxes[topic.key] = _Inbox(topic, deque(maxlen=1), subscriber=subscriber)
 
     def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
@@ -273,7 +233,7 @@ class ZenohBus:
                 else:
                     tap.store(topic.key, bytes(sample.payload))
 
-            return self._session_for(topic).declare_subscriber(self._key(topic), _direct(store))
+            return self._session_for(topic).declare_subscriber(self._key(topic), direct(store))
 
         self._tap_subscribers = [subscribe(topic) for topic in by_key.values()]
 
@@ -306,7 +266,7 @@ class ZenohBus:
         return f"{self._robot}/{topic.key}"
 
     def _session_for(self, topic: Topic[Any]) -> zenoh.Session:
-        return self._stop_session if topic is STOP else self._session
+        return self._command_session if topic.is_command else self._session
 
     def _declare(self, topic: Topic[Any]) -> _Outbox:
         publisher = self._session_for(topic).declare_publisher(
@@ -325,10 +285,15 @@ class ZenohBus:
                     pack = msgpack.packb(messages)
                 query.reply(self._key(topic), pack)
 
-            outbox.queryable = self._session.declare_queryable(self._key(topic), _direct(answer))
+            outbox.queryable = self._session_for(topic).declare_queryable(self._key(topic), direct(answer))
         return outbox
 
     # Receiving
+
+    def _hear_challenge(self, sample: zenoh.Sample) -> None:
+        envelope = self._decoded(PERMIT, bytes(sample.payload))
+        if envelope is not None:
+            self.gate.hear(envelope.payload.challenge)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         module = str(sample.key_expr).split("/")[1]
@@ -351,12 +316,12 @@ class ZenohBus:
             if len(sample.payload) > MESSAGE_BYTES_MAX:
                 self._count_error(topic, ValueError(f"{len(sample.payload)} bytes are too many"))
                 return
-            arrival = (self._clock.now_s(), bytes(sample.payload))
+            arrival = (self._clock.now_s(), bytes(sample.payload), _seal_of(sample))
             with inbox.lock:
                 inbox.pending.append(arrival)
             self._arrival.set()
 
-        inbox.subscriber = self._session_for(topic).declare_subscriber(self._key(topic), _direct(store))
+        inbox.subscriber = self._session_for(topic).declare_subscriber(self._key(topic), direct(store))
         self._inboxes[topic.key] = inbox
         return inbox
 
@@ -379,8 +344,10 @@ class ZenohBus:
         for arrived_s, pack in replies:
             for data in self._unpacked(topic, pack):
                 self._accept(inbox, arrived_s, self._decoded(topic, data))
-        for i, (arrived_s, data) in enumerate(live):
+        for i, (arrived_s, data, sealed) in enumerate(live):
             envelope = self._decoded(topic, data)
+            if envelope is not None and self.gate.refuses(topic, envelope, data, sealed):
+                continue
             if not answered and envelope is not None and self._misses_some(inbox, envelope):
                 inbox.query_due = True
                 with inbox.lock:
@@ -449,11 +416,7 @@ class ZenohBus:
             _log.warning("undecodable topic=%s error=%s", topic.key, error)
 
 
-def _close(session: zenoh.Session) -> None:
-    with suppress(zenoh.ZError):
-        session.close()  # type: ignore[no-untyped-call]
-
-
-def _direct(function: Callable[[Any], None]) -> Any:
-    # On Zenoh's own thread: a Python thread per subscriber would have to be joined before the process can end
-    return zenoh.handlers.Callback(function, indirect=False)
+def _seal_of(sample: zenoh.Sample) -> bytes:
+    """What travelled beside a message, as far as it can be a seal."""
+    beside = sample.attachment
+    return bytes(beside) if beside is not None and len(beside) == SEAL_BYTES else b""

@@ -10,6 +10,7 @@ from common.errors import StartError
 from deploy import (
     board_verbs,
     calibrate_verb,
+    deploy_verbs,
     node_verb,
     operator_verbs,
     record_verbs,
@@ -38,6 +39,7 @@ def build_parser() -> argparse.ArgumentParser:
         vision_verbs,
         board_verbs,
         calibrate_verb,
+        deploy_verbs,
     ):
         family.add_verbs(verbs)
     return parser

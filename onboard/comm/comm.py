@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import logging
-from dataclasses import dataclass
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -16,6 +18,7 @@ from common.config import CommSection, Config
 from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode
 from common.messages import PERMIT, STATUS, STOP, Permit
+from common.signing import CHALLENGE_BYTES, CHALLENGE_PERIOD_S
 from common.status import StatusReporter
 from onboard.comm.outbox import FILE_NAME, Outbox
 from onboard.comm.stop_latch import RECORD_NAME, StopLatch, load_latch, save_latch
@@ -42,13 +45,20 @@ class _Beat:
 class Comm:
     """The node. `latch_record` is the file by which a stop outlives a restart of this process, None for none.
 
-    `outbox` takes what goes to the recorder; without one nothing does.
+    `outbox` takes what goes to the recorder; without one nothing does. `new_challenge` draws what commands are signed
+    over; without one none need be signed.
     """
 
     name = "comm"
     period_s = 0.02
 
-    def __init__(self, settings: CommSection, latch_record: Path | None = None, outbox: Outbox | None = None) -> None:
+    def __init__(
+        self,
+        settings: CommSection,
+        latch_record: Path | None = None,
+        outbox: Outbox | None = None,
+        new_challenge: Callable[[], bytes] | None = None,
+    ) -> None:
         self._settings = settings
         self._latch_record = latch_record
         self._latch = load_latch(latch_record) if latch_record else StopLatch()
@@ -57,6 +67,9 @@ class Comm:
         self._beats: dict[str, _Beat] = {}
         self._permit: Permit | None = None
         self._permit_due_s = float("-inf")
+        self._new_challenge = new_challenge
+        self._challenge = b""
+        self._challenge_due_s = float("-inf")
         self._status = StatusReporter(self.name)
 
     def step(self, bus: Bus, now_s: float) -> None:
@@ -105,13 +118,16 @@ class Comm:
     def _publish_permit(self, bus: Bus, now_s: float, verdict: Verdict) -> None:
         sources = tuple(sorted(self._latch.sources))
         reason = f"stopped by {', '.join(sources)}" if sources else verdict.reason
-        permit = Permit(now_s, verdict.granted and not sources, reason, sources)
+        permit = Permit(now_s, verdict.granted and not sources, reason, sources, challenge=self._challenge)
         old = self._permit
         changed = old is None or (old.granted, old.stop_sources) != (permit.granted, permit.stop_sources)
         if not changed and now_s < self._permit_due_s:
             return
         if changed:
             _log.info("permit granted=%s reason=%s", permit.granted, reason or "-")
+        if self._new_challenge is not None and now_s >= self._challenge_due_s:
+            self._challenge, self._challenge_due_s = self._new_challenge(), now_s + CHALLENGE_PERIOD_S
+            permit = replace(permit, challenge=self._challenge)
         self._permit, self._permit_due_s = permit, now_s + 1.0 / PERMIT_RATE_HZ - self.period_s / 2
         bus.publish(PERMIT, permit)
 
@@ -131,4 +147,5 @@ def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
     """The node of the process; the stop's record and the outbox stand in the log folder."""
     folder: Path | None = arguments.log_dir
     outbox = Outbox(folder / FILE_NAME if folder else None, config.comm.outbox_limit_mb * 1_000_000)
-    return Comm(config.comm, folder / RECORD_NAME if folder else None, outbox)
+    new_challenge = (lambda: secrets.token_bytes(CHALLENGE_BYTES)) if config.mesh.keys else None
+    return Comm(config.comm, folder / RECORD_NAME if folder else None, outbox, new_challenge)

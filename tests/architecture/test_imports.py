@@ -53,9 +53,10 @@ def test_no_program_imports_tests() -> None:
 @pytest.mark.parametrize(
     ("package", "homes"),
     [
-        ("zenoh", ("common/bus.py", "common/zenoh_bus.py", "common/process.py")),
+        ("zenoh", ("common/zenoh_bus.py", "common/zenoh_session.py", "common/process.py")),
         ("cv2", ("offboard", "onboard/poi")),
         ("serial", ("onboard/bridge",)),
+        ("cryptography", ("deploy",)),
         ("mujoco", ("offboard/simulator",)),
         ("filterpy", ("onboard/mmu",)),
         ("scipy", ("onboard/mmu", "offboard")),

@@ -68,9 +68,10 @@ class Mesh:
         """A process of the mesh; without a command, its stand-in (comm: itself)."""
         program = command or (("-m", "onboard.comm") if name == "comm" else (str(STAND_IN), name))
         arguments = [sys.executable, *program, "--config", str(self.config_file), "--log-dir", str(self.folder), *extra]
-        process = subprocess.Popen(
-            arguments, env=environment(), cwd=ROOT, start_new_session=True, stderr=subprocess.PIPE
-        )
+        with (self.folder / f"{name}.stdout").open("ab") as stdout:
+            process = subprocess.Popen(
+                arguments, env=environment(), cwd=ROOT, start_new_session=True, stdout=stdout, stderr=subprocess.PIPE
+            )
         self.processes[name] = process
         return process
 

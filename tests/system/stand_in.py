@@ -1,7 +1,7 @@
 """A process that stands in for a module: `python stand_in.py NAME --config robot.toml`.
 
 Every one is ready at once. "planner" drives from a start on and stands from a latched stop until a resume; "bridge"
-moves while it holds a fresh permit and is asked to drive; "simulator" leads the shared clock.
+moves while it holds a fresh permit, knows of no stop and is asked to drive; "simulator" leads the shared clock.
 """
 
 from __future__ import annotations
@@ -9,22 +9,27 @@ from __future__ import annotations
 import argparse
 import sys
 
+import numpy as np
+
 from common.bus import Bus
 from common.config import Config
-from common.constants import PERMIT_TIMEOUT_S
 from common.messages import (
     DRIVE,
     ODOMETRY,
     OPERATION,
     PERMIT,
+    PLAN,
     STATUS,
+    STOP,
     DriveCommand,
     Odometry,
     Operation,
+    PlannerView,
     Speed,
 )
 from common.process import argument_parser, run
 from common.status import StatusReporter
+from onboard.bridge.motion_gate import MotionGate
 
 
 class StandIn:
@@ -51,6 +56,8 @@ class StandInPlanner(StandIn):
         super().step(bus, now_s)
         for command in bus.take(OPERATION):
             self._drives = command.operation in (Operation.START, Operation.RESUME)
+            way_m = np.zeros((0, 2), np.float32)
+            bus.publish(PLAN, PlannerView(now_s, "", "", way_m, 0, 0.0, False, command_id=command.command_id))
         permit = bus.latest(PERMIT)
         if permit is not None and permit.stop_sources:
             self._drives = False
@@ -58,10 +65,16 @@ class StandInPlanner(StandIn):
 
 
 class StandInBridge(StandIn):
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._gate = MotionGate()
+
     def step(self, bus: Bus, now_s: float) -> None:
         super().step(bus, now_s)
-        permit, drive = bus.latest(PERMIT), bus.latest(DRIVE)
-        permitted = permit is not None and permit.granted and bus.age_s(PERMIT) <= PERMIT_TIMEOUT_S
+        for request in bus.take(STOP):
+            self._gate.request(request)
+        drive = bus.latest(DRIVE)
+        permitted = self._gate.may_move(bus.latest(PERMIT), bus.age_s(PERMIT))
         moves = permitted and drive is not None and drive.speed is not Speed.STOP
         speed_m_s = 0.16 if moves else 0.0
         bus.publish(ODOMETRY, Odometry(now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, speed_m_s, not moves, False, False, 1))

@@ -8,8 +8,6 @@ import select
 import signal
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
@@ -21,41 +19,13 @@ from common.clock import FreeClock
 from common.config import Config, load_config
 from common.messages import CARRIER, ODOMETRY, STATUS, Operation, Status
 from common.zenoh_bus import ZenohBus
-from offboard.command_center.command_center import CommandCenter
-from offboard.command_center.module_watch import Freshness
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Look
-from offboard.command_center.stop_desk import StopSender
+from tests.system.center import Center
 from tests.system.conftest import ROOT, Mesh, children_of, environment, local_run, run_cli, until
 
 pytestmark = pytest.mark.timeout(120)
 STATUS_SPAN_S = 3.0
-
-
-class Center:
-    """The Command Center without its screen, as its process runs it."""
-
-    def __init__(self, config: Config) -> None:
-        self.bus = ZenohBus("command_center", config, FreeClock())
-        self.node = CommandCenter(time.monotonic)
-        self.sender = StopSender(self.node.stop_desk, self.bus)
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self.sender.start()
-        self._thread.start()
-
-    def _run(self) -> None:
-        while not self._ended.wait(self.node.period_s):
-            self.node.step(self.bus, time.monotonic())
-
-    def live(self) -> set[str]:
-        return {row.module for row in self.node.snapshot().rows if row.freshness is Freshness.LIVE}
-
-    def close(self) -> None:
-        self._ended.set()
-        self._thread.join()
-        self.sender.close()
-        self.bus.close()
 
 
 @pytest.fixture

@@ -29,7 +29,8 @@ from common.config import Config, config_text, load_config
 from common.errors import ErrorCode
 from common.frames import MESSAGE_BYTES_MAX
 from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, STATUS, TOPICS, Status
-from common.zenoh_bus import ZenohBus, session_config
+from common.zenoh_bus import ZenohBus
+from common.zenoh_session import Way, session_config
 from offboard.recorder.run_database import RunReader
 from tests.system.conftest import ROOT, Mesh, children_of, environment, until
 from tests.system.relay import Relay
@@ -256,7 +257,7 @@ def junk() -> list[bytes]:
 
 
 def throw_at_every_topic(config: Config, payloads: list[bytes]) -> None:
-    with zenoh.open(session_config("client", config.mesh.router)) as stranger:
+    with zenoh.open(session_config(Way("client", connect=(config.mesh.router,)))) as stranger:
         for topic in TOPICS:
             for payload in payloads:
                 stranger.put(f"{config.robot.name}/{topic.key}", payload, congestion_control=BLOCK)

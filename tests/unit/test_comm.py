@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import count, pairwise
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from common.config import CommSection
 from common.constants import STARTUP_GRACE_S, WATCHDOG_CLEAR_S
 from common.errors import ErrorCode
 from common.messages import PERMIT, STATUS, STOP, Permit, Status, StopRequest
+from common.signing import CHALLENGE_PERIOD_S
 from onboard.comm.comm import Comm
 from onboard.comm.stop_latch import RECORD_NAME, StopLatch, load_latch, save_latch
 from onboard.comm.watchdog import ModuleReading, WatchdogState, fault_of, watch
@@ -84,11 +87,16 @@ def test_latch_outlives_a_restart_and_an_unreadable_record_is_a_stop(tmp_path: P
 class Bench:
     """comm in lockstep with modules that are only statuses."""
 
-    def __init__(self, settings: CommSection | None = None, record: Path | None = None) -> None:
+    def __init__(
+        self,
+        settings: CommSection | None = None,
+        record: Path | None = None,
+        new_challenge: Callable[[], bytes] | None = None,
+    ) -> None:
         self.settings = settings or CommSection(required=("bridge", "mmu"))
         self.mesh = LocalMesh()
         self.bus: LocalBus = self.mesh.endpoint("test")
-        self.comm = Comm(self.settings, record)
+        self.comm = Comm(self.settings, record, new_challenge=new_challenge)
         self.comm_bus = self.mesh.endpoint("comm")
         self.silent: set[str] = set()
         self.beats = 0
@@ -170,3 +178,19 @@ def test_missing_recorder_stops_only_when_the_configuration_asks() -> None:
     bench.run(3.0)
     assert not bench.permit.granted
     assert "recorder" in bench.permit.reason
+
+
+def test_challenge_is_renewed_in_time_and_stands_in_every_permit() -> None:
+    numbers = count(1)
+    bench = Bench(new_challenge=lambda: bytes([next(numbers)]))
+    bench.run(10.5 * CHALLENGE_PERIOD_S)
+    changes_s = [s for (_, a), (s, b) in pairwise(bench.permits) if a.challenge != b.challenge]
+    assert all(permit.challenge for _, permit in bench.permits)
+    assert len(changes_s) == 10
+    assert all(abs(b - a - CHALLENGE_PERIOD_S) < 0.15 for a, b in pairwise(changes_s))
+
+
+def test_without_keys_there_is_no_challenge() -> None:
+    bench = Bench()
+    bench.run(3.0)
+    assert {permit.challenge for _, permit in bench.permits} == {b""}

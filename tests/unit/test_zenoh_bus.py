@@ -29,7 +29,8 @@ from common.messages import (
     Status,
     StopRequest,
 )
-from common.zenoh_bus import LOST_S, ZenohBus, session_config
+from common.zenoh_bus import LOST_S, ZenohBus
+from common.zenoh_session import Way, session_config
 
 pytestmark = pytest.mark.timeout(30)
 
@@ -187,7 +188,7 @@ def test_token_goes_when_a_process_leaves(open_bus: Open) -> None:
 
 def test_stop_has_a_connection_of_its_own_and_arrives(open_bus: Open) -> None:
     comm, bridge, centre = open_bus("comm", "router"), open_bus("bridge"), open_bus("command_center")
-    assert bridge._stop_session is not bridge._session
+    assert bridge._command_session is not bridge._session
     request = StopRequest(0.0, "operator", latched=True)
 
     def both() -> bool:
@@ -255,7 +256,7 @@ def test_bytes_that_are_no_message_are_counted_and_do_not_look_fresh(open_bus: O
     open_bus("comm", "router")
     planner = open_bus("planner")
     planner.latest(POSE)
-    with zenoh.open(session_config("client", config.mesh.router)) as stranger:
+    with zenoh.open(session_config(Way("client", connect=(config.mesh.router,)))) as stranger:
 
         def counted() -> bool:
             stranger.put(f"{config.robot.name}/{POSE.key}", b"\xc1 no message")

@@ -1,0 +1,72 @@
+"""What a process's bus does about commands where there are keys: seals those that it gives, judges those that it obeys.
+
+Without keys everything passes. What is refused is logged when the reason changes, and counted.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+from common import access
+from common.codec import Envelope
+from common.config import Config
+from common.keys import COMMAND_ROLES, read_command_key
+from common.messages import TOPICS, Topic
+from common.signing import Signer, Verifier, needs_seal
+
+_log = logging.getLogger(__name__)
+
+
+class CommandGate:
+    """Of the process `name`; raises StartError when it needs the command key and cannot read it."""
+
+    def __init__(self, name: str, config: Config) -> None:
+        self.refused = 0
+        self._robot = config.robot.name
+        self._signer: Signer | None = None
+        self._verifier: Verifier | None = None
+        self._refusal = ""  # why the newest command was refused, empty when it was not
+        role = access.role_of(name)
+        if not config.mesh.keys or role not in COMMAND_ROLES:
+            return
+        if any(topic.is_command and topic.producer == name for topic in TOPICS):
+            self._signer = Signer(read_command_key(Path(config.mesh.keys), role))
+        elif any(topic.is_command and name in topic.consumers for topic in TOPICS):
+            self._verifier = Verifier(read_command_key(Path(config.mesh.keys), role))
+
+    @property
+    def wants_challenges(self) -> bool:
+        return self._signer is not None or self._verifier is not None
+
+    def hear(self, challenge: bytes) -> None:
+        """The newest permit's challenge; called by Zenoh's thread."""
+        for side in (self._signer, self._verifier):
+            if side is not None:
+                side.hear(challenge)
+
+    def holds_back(self, topic: Topic[Any], payload: object) -> bool:
+        """It cannot be signed yet; commands are repeated until they are acknowledged."""
+        return self._signer is not None and topic.is_command and needs_seal(payload) and not self._signer.ready
+
+    def seal(self, topic: Topic[Any], payload: object, data: bytes) -> bytes | None:
+        """What goes with a message; None where nothing does."""
+        if self._signer is None or not topic.is_command or not needs_seal(payload):
+            return None
+        return self._signer.seal(self._key(topic), data)
+
+    def refuses(self, topic: Topic[Any], envelope: Envelope[Any], data: bytes, sealed: bytes) -> bool:
+        if self._verifier is None or not topic.is_command or not needs_seal(envelope.payload):
+            return False
+        key = self._key(topic)
+        refusal = self._verifier.refusal(key, envelope.boot_id, envelope.sequence, data, sealed)
+        if refusal:
+            self.refused += 1
+            if refusal != self._refusal:
+                _log.warning("a command was refused: %s topic=%s count=%d", refusal, topic.key, self.refused)
+        self._refusal = refusal
+        return bool(refusal)
+
+    def _key(self, topic: Topic[Any]) -> str:
+        return f"{self._robot}/{topic.key}"

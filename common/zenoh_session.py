@@ -1,0 +1,190 @@
+"""Sessions of Zenoh and their configuration: who listens, who connects, with which certificate and rights.
+
+Robot: comm is the router, on loopback and, with keys, on one TLS address; the modules beside it are peers on loopback
+that find each other through it (gossip) and keep their links when it goes. Laptop: the recorder is the router on
+loopback, and joins comm's over TLS; poi on its own board does that too, and the command center for its commands, so
+that a stop passes through nothing but comm. With everything on one machine all join comm's router.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import zenoh
+
+from common import access
+from common.clock import FREE_LEASE_S
+from common.config import Config
+from common.errors import StartError
+from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
+from common.messages import STOP
+
+Mode = Literal["peer", "client", "router"]
+
+LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
+_ANY_LOOPBACK = "tcp/127.0.0.1:0"
+_CLOSE_TIMEOUT_S = 1.0
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How a session joins the mesh."""
+
+    mode: Mode
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    keys: Path | None = None  # folder of the certificate that it shows, for TLS
+    rules: access.Rules | None = None
+
+
+def main_way(name: str, mode: Mode, config: Config) -> Way:
+    """Of a process's session; raises StartError when its keys cannot serve."""
+    mesh, robot = config.mesh, config.robot.name
+    on_loopback = access.loopback_rules(robot) if mesh.keys else None
+    if mode == "router" and name != LAPTOP_ROUTER:
+        rules = access.robot_rules(robot) if mesh.keys else None
+        if not mesh.listen:
+            return Way("router", (mesh.router,), rules=rules)
+        return Way("router", (mesh.router, mesh.listen), keys=_keys(config, "robot"), rules=rules)
+    away = bool(mesh.robot) and name in (*access.ROLES["pi"], *access.ROLES["laptop"])
+    if mode == "router":
+        if not away:
+            return Way("router", (mesh.laptop_router,), (mesh.router,), rules=on_loopback)
+        keys, rules = _keys(config, "laptop"), access.laptop_rules(robot)
+        return Way("router", (mesh.laptop_router,), (mesh.robot,), keys, rules)
+    if away and (mode == "client" or name in access.ROLES["pi"]):
+        return _straight_to_robot(name, mode, config)
+    if mode == "client":
+        return Way("client", connect=(mesh.router,))
+    router = mesh.laptop_router if away else mesh.router
+    return Way("peer", (_ANY_LOOPBACK,), (router,), rules=on_loopback)
+
+
+def command_way(name: str, mode: Mode, config: Config) -> Way | None:
+    """Of the session that carries nothing but commands; None for a process that has no need of its own."""
+    if mode != "peer" or name not in (STOP.producer, *STOP.consumers):
+        return None
+    if name == STOP.producer and config.mesh.robot:
+        return _straight_to_robot(name, mode, config)
+    return main_way(name, mode, config)
+
+
+def _straight_to_robot(name: str, mode: Mode, config: Config) -> Way:
+    # A client cannot begin without comm, and comm passes nothing from one peer to another
+    how: Mode = "client" if mode == "client" else "router"
+    return Way(how, connect=(config.mesh.robot,), keys=_keys(config, access.role_of(name)))
+
+
+def _keys(config: Config, role: str) -> Path:
+    return checked_folder(Path(config.mesh.keys), role)
+
+
+def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
+    """What every session of the mesh shares. Multicast and shared memory fail in containers, hence neither."""
+    values: dict[str, Any] = {
+        "mode": way.mode,
+        "listen/endpoints": way.listen,
+        "connect/endpoints": way.connect,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": True,
+        "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
+        "transport/link/tx/lease": round(1000 * lease_s),
+        "transport/link/tx/keep_alive": 4,
+        "transport/link/tx/queue/size/real_time": 16,
+        "transport/shared_memory/enabled": False,
+    }
+    if way.mode == "client":
+        values |= {"connect/timeout_ms": 1500, "connect/exit_on_failure": True}
+    if way.keys is not None:
+        values["transport/link/tls"] = _tls(way.keys)
+    if way.rules is not None:
+        values["access_control"] = way.rules
+    config = zenoh.Config()
+    for key, value in values.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _tls(keys: Path) -> dict[str, Any]:
+    certificate, private_key = str(keys / CERTIFICATE), str(keys / PRIVATE_KEY)
+    return {
+        "root_ca_certificate": str(keys / AUTHORITY),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "listen_certificate": certificate,
+        "listen_private_key": private_key,
+        "connect_certificate": certificate,
+        "connect_private_key": private_key,
+    }
+
+
+def open_session(way: Way, lease_s: float) -> zenoh.Session:
+    """Raises StartError when an address to listen on is taken, and for a client when no router answers."""
+    try:
+        return zenoh.open(session_config(way, lease_s))
+    except zenoh.ZError as error:
+        if way.mode != "client":
+            hint = "another mesh uses it; stop that one, or give this one another [mesh] router in robot.toml"
+            raise StartError(f"Cannot listen on {' and '.join(way.listen)}: {hint}.") from error
+        hint = "start it, or correct [mesh] router in robot.toml"
+        if way.keys is not None:
+            hint = f"is the robot on, and are its keys of the same authority as those in {way.keys}?"
+            raise StartError(f"No mesh answers at {way.connect[0]}: {hint}") from error
+        raise StartError(f"No mesh answers at {way.connect[0]}: {hint}.") from error
+
+
+def direct(function: Callable[[Any], None]) -> Any:
+    """A handler on Zenoh's own thread: a Python thread per subscriber would have to be joined before the end."""
+    return zenoh.handlers.Callback(function, indirect=False)
+
+
+def watch_links(session: zenoh.Session) -> Any:
+    """Logs who joins with a certificate; keep the handle.
+
+    The rules drop without a word what a machine may not say, so that is said when it joins.
+    """
+    return session.info.declare_link_events_listener(direct(_tell_link))
+
+
+def _tell_link(event: zenoh.LinkEvent) -> None:
+    role = event.link.auth_identifier
+    if role is None:
+        return
+    if event.kind == zenoh.SampleKind.DELETE:
+        _log.info("a machine has left certificate=%s", role)
+    else:
+        commands = "taken" if access.may_command(role) else "refused"
+        _log.info("a machine has joined certificate=%s commands=%s", role, commands)
+
+
+def close_sessions(sessions: Iterable[zenoh.Session]) -> bool:
+    """Closes each once; False when Zenoh is not done yet.
+
+    It waits 10 s for a frozen neighbour to take the farewell: the lease tells that one as well, so it is left.
+    """
+    closers = [
+        threading.Thread(target=_close, args=(session,), daemon=True)
+        for session in {id(s): s for s in sessions}.values()
+    ]
+    for closer in closers:
+        closer.start()
+    deadline_s = time.monotonic() + _CLOSE_TIMEOUT_S
+    for closer in closers:
+        closer.join(max(0.0, deadline_s - time.monotonic()))
+    return not any(closer.is_alive() for closer in closers)
+
+
+def _close(session: zenoh.Session) -> None:
+    with suppress(zenoh.ZError):
+        session.close()  # type: ignore[no-untyped-call]

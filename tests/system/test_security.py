@@ -1,0 +1,301 @@
+"""A mesh with keys over real TLS: the rightful command center is obeyed, and nobody else, whatever he holds."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from common.codec import encode
+from common.config import config_text
+from common.keys import AUTHORITY
+from common.messages import (
+    DRIVE,
+    OPERATION,
+    PERMIT,
+    STOP,
+    DriveCommand,
+    Operation,
+    OperatorCommand,
+    Permit,
+    Speed,
+    StopRequest,
+    Topic,
+)
+from common.zenoh_session import Way, direct, session_config
+from offboard.command_center.operations import Answer
+from offboard.command_center.software_stop import SOURCE
+from offboard.recorder.run_database import RunReader
+from tests.system.center import Center
+from tests.system.conftest import Mesh, free_endpoint, until
+
+certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
+pytestmark = pytest.mark.timeout(60)
+LATER = datetime.now(UTC) + timedelta(days=1)
+HOSTS = {"robot": ["127.0.0.1"]}
+RELEASE = StopRequest(0.0, SOURCE, latched=False)
+RESUME = OperatorCommand(0.0, Operation.RESUME, command_id=77)
+Sealed = tuple[str, bytes, bytes | None]  # key, message, seal
+
+
+class KeyedMesh(Mesh):
+    """Robot and laptop with keys, on one machine but joined by TLS alone; the Command Center is there."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.keys = folder / "keys"
+        certificates.make_keys(self.keys, HOSTS, replace=False, until=LATER)
+        endpoint = free_endpoint().replace("tcp/", "tls/")
+        mesh = replace(self.config.mesh, listen=endpoint, robot=endpoint, keys=str(self.keys))
+        self.config = replace(self.config, mesh=mesh)
+        self.config_file.write_text(config_text(self.config), encoding="utf-8")
+        self.run_dir = folder / "run"
+        self._center: Center | None = None
+
+    @property
+    def center(self) -> Center:
+        assert self._center is not None
+        return self._center
+
+    def begin(self) -> None:
+        self.start("recorder", "-m", "offboard.recorder", extra=("--run-dir", str(self.run_dir)))
+        self.start_all()
+        self._center = Center(self.config)
+
+    def by_tls(self, keys: Path) -> Way:
+        return Way("client", connect=(self.config.mesh.robot,), keys=keys)
+
+    def keyed(self, topic: Topic[object]) -> str:
+        return f"{self.config.robot.name}/{topic.key}"
+
+    def said(self, text: str) -> bool:
+        """In comm's log, or by Zenoh about comm's links."""
+        return any(text in (self.folder / name).read_text(encoding="utf-8") for name in ("comm.log", "comm.stdout"))
+
+    def stop(self) -> None:
+        """The rightful stop, held by the robot."""
+        self.center.node.stop_desk.press()
+        until(lambda: self.latched and self.standing, what="the stop")
+
+    def go(self) -> None:
+        """Until the robot moves, whatever was before."""
+        until(lambda: self.center.live() >= {"comm", "planner"}, what="the robot in the command center")
+        if self.latched:
+            until(lambda: not self.center.node.stop_desk.hindrance(), what="a stop that may be released")
+            self.center.node.stop_desk.release()
+            until(lambda: not self.latched, what="the release")
+            assert self.standing
+        until(self._moves, what="motion")
+
+    def _moves(self) -> bool:
+        """Asks again after each answer: a planner that has not heard of the release yet stands again at once."""
+        operation = self.center.node.snapshot().operation
+        if operation is None or operation.answer is not Answer.WAITING:
+            self.center.node.operate(Operation.RESUME)
+        return not self.standing
+
+    @property
+    def latched(self) -> bool:
+        return self.permits[-1][1].stop_sources == (SOURCE,)
+
+    def withstands(self, send: Callable[[], None]) -> bool:
+        """The robot stands and holds its stop while all that is sent again and again, for six permits."""
+        before = len(self.permits)
+
+        def over() -> bool:
+            send()
+            assert self.standing
+            return len(self.permits) >= before + 6
+
+        until(over, what="permits")
+        return all(permit.stop_sources == (SOURCE,) and not permit.granted for _, permit in self.permits[before:])
+
+    def close(self) -> None:
+        if self._center is not None:
+            self._center.close()
+        super().close()
+
+
+@pytest.fixture(scope="module")
+def keyed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeyedMesh]:
+    made = KeyedMesh(tmp_path_factory.mktemp("keyed"))
+    try:
+        made.begin()
+        yield made
+    finally:
+        made.close()
+
+
+def orders(mesh: KeyedMesh) -> list[Sealed]:
+    """All that could set the robot going, from a sender without the command key."""
+    sequence, boot_id = 1_000_000, 4711
+    wanted = (
+        (STOP, RELEASE),
+        (OPERATION, RESUME),
+        (PERMIT, Permit(0.0, True, "")),
+        (DRIVE, DriveCommand(0.0, 5, Speed.MEDIUM, 0.0)),
+    )
+    return [(mesh.keyed(topic), encode(payload, sequence, boot_id), None) for topic, payload in wanted]
+
+
+def put_all(session: zenoh.Session, messages: list[Sealed]) -> Callable[[], None]:
+    def send() -> None:
+        for key, data, sealed in messages:
+            session.put(key, data, attachment=sealed)
+
+    return send
+
+
+@pytest.mark.requirement("CC_MR_04")
+def test_the_rightful_command_center_starts_stops_and_releases_the_robot_over_tls(keyed: KeyedMesh) -> None:
+    keyed.go()
+    keyed.stop()
+    until(lambda: keyed.center.node.stop_desk.control.latency_s is not None, what="the confirmation")
+    keyed.go()
+    assert keyed.command("estop").returncode == 0
+    assert keyed.latched
+    released = keyed.command("release")
+    assert released.returncode == 0, released.stderr
+    assert keyed.standing
+    resumed = keyed.command("resume")
+    assert resumed.returncode == 0, resumed.stderr
+    until(lambda: not keyed.standing, what="motion")
+
+    def recorded() -> bool:
+        with RunReader(keyed.run_dir) as run:
+            keys = {key for key, _ in run.senders()}
+        return {STOP.key, OPERATION.key, "mmu/status", "command_center/status"} <= keys
+
+    until(recorded, what="the robot's and the laptop's messages in the database")
+
+
+def test_a_viewers_certificate_sees_the_robot_and_moves_nothing(keyed: KeyedMesh) -> None:
+    keyed.stop()
+    with zenoh.open(session_config(keyed.by_tls(keyed.keys / "viewer"))) as viewer:
+        seen: list[bytes] = []
+        ear = viewer.declare_subscriber(
+            keyed.keyed(PERMIT),
+            zenoh.handlers.Callback(lambda sample: seen.append(bytes(sample.payload)), indirect=False),
+        )
+        assert keyed.withstands(put_all(viewer, orders(keyed)))
+        assert len(seen) >= 3
+        ear.undeclare()
+    assert keyed.said("certificate=viewer commands=refused")
+
+
+def own_address() -> str:
+    """An address of this machine that others can reach; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+        except OSError:
+            pytest.skip("this machine has no network but loopback: connect it to one")
+        address: str = probe.getsockname()[0]
+        return address
+
+
+def test_a_viewer_that_makes_the_robots_modules_connect_to_it_moves_nothing(keyed: KeyedMesh) -> None:
+    keyed.stop()
+    way = replace(keyed.by_tls(keyed.keys / "viewer"), mode="peer", listen=(f"tcp/{own_address()}:0",))
+    config = session_config(way)
+    # It waits to be found: what it could reach of a board's loopback from this very machine, it could not from another
+    config.insert_json5("scouting/gossip/autoconnect", '{"peer": []}')
+    with zenoh.open(config) as viewer:
+        until(lambda: any(str(link.src).startswith("tcp/") for link in viewer.info.links()), what="a link to it")
+        assert keyed.withstands(put_all(viewer, orders(keyed)))
+
+
+@pytest.mark.parametrize(
+    ("what", "said"), [("none", "peer sent no certificates"), ("foreign", "invalid peer certificate")]
+)
+def test_without_a_certificate_of_the_authority_nobody_gets_in(
+    keyed: KeyedMesh, tmp_path: Path, what: str, said: str
+) -> None:
+    keyed.stop()
+    certificates.make_keys(tmp_path, HOSTS, replace=False, until=LATER)
+    stranger = tmp_path / "command_center"
+    shutil.copy(keyed.keys / "command_center" / AUTHORITY, stranger / AUTHORITY)
+    config = session_config(keyed.by_tls(stranger))
+    config.insert_json5("connect/timeout_ms", "500")
+    if what == "none":
+        tls = f'{{"root_ca_certificate": "{stranger / AUTHORITY}", "enable_mtls": false}}'
+        config.insert_json5("transport/link/tls", tls)
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(config)
+    assert keyed.standing
+    assert keyed.said(said)
+
+
+def test_an_unsigned_release_is_refused_even_with_the_right_certificate_and_on_the_board_itself(
+    keyed: KeyedMesh,
+) -> None:
+    keyed.stop()
+    commands = orders(keyed)[:2]
+    for way in (keyed.by_tls(keyed.keys / "command_center"), Way("client", connect=(keyed.config.mesh.router,))):
+        with zenoh.open(session_config(way)) as session:
+            assert keyed.withstands(put_all(session, commands))
+    assert keyed.said("a command was refused: it is not signed")
+
+
+@pytest.fixture
+def recorded(keyed: KeyedMesh) -> list[Sealed]:
+    """Release and resume as the rightful command center sent them a moment ago; the robot is stopped again."""
+    heard: dict[tuple[str, bool], Sealed] = {}
+
+    def keep(sample: zenoh.Sample) -> None:
+        seal = bytes(sample.attachment) if sample.attachment is not None else None
+        heard[str(sample.key_expr), seal is not None] = (str(sample.key_expr), bytes(sample.payload), seal)
+
+    def a_stop_was_heard() -> bool:
+        keyed.go()
+        keyed.stop()
+        return (keyed.keyed(STOP), False) in heard
+
+    with zenoh.open(session_config(keyed.by_tls(keyed.keys / "laptop"))) as laptop:
+        ears = [laptop.declare_subscriber(keyed.keyed(topic), direct(keep)) for topic in (OPERATION, STOP)]
+        until(a_stop_was_heard, what="the link to the command center")
+        keyed.go()
+        wanted = [(keyed.keyed(topic), True) for topic in (STOP, OPERATION)]
+        until(lambda: all(command in heard for command in wanted), what="the commands")
+        for ear in ears:
+            ear.undeclare()
+    keyed.stop()
+    return [heard[command] for command in wanted]
+
+
+def test_a_recorded_release_that_is_sent_again_does_nothing(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
+    with zenoh.open(session_config(keyed.by_tls(keyed.keys / "command_center"))) as thief:
+        assert keyed.withstands(put_all(thief, recorded))
+    assert keyed.said("a command was refused: it was obeyed already, and is sent again")
+
+
+def test_a_planner_that_was_started_anew_obeys_no_recorded_command(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
+    keyed.processes["planner"].kill()
+    keyed.processes["planner"].wait()
+    keyed.start("planner")
+    with zenoh.open(session_config(keyed.by_tls(keyed.keys / "command_center"))) as thief:
+        send = put_all(thief, recorded)
+        until(lambda: send() or "planner" in keyed.bus.alive_tokens(), what="the planner")
+        assert keyed.withstands(send)
+    keyed.go()
+
+
+def test_a_release_relayed_through_the_laptops_router_does_nothing(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
+    with zenoh.open(session_config(Way("client", connect=(keyed.config.mesh.laptop_router,)))) as relayed:
+        assert keyed.withstands(put_all(relayed, [*orders(keyed), *recorded]))
+    assert keyed.said("certificate=laptop commands=refused")
+
+
+def test_missing_keys_are_one_sentence_and_exit_code_2(mesh: Mesh, tmp_path: Path) -> None:
+    listening = replace(mesh.config.mesh, listen="tls/127.0.0.1:0", keys=str(tmp_path))
+    mesh.config_file.write_text(config_text(replace(mesh.config, mesh=listening)), encoding="utf-8")
+    result = mesh.command("node", "comm")
+    assert result.returncode == 2
+    assert "command_key is missing: make the keys" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
