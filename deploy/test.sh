@@ -13,4 +13,9 @@ cd "$ROOT"
 "$PYTHON" -m ruff check .
 "$PYTHON" -m ruff format --check .
 "$PYTHON" -m mypy
-exec "$PYTHON" -m pytest "$@"
+if [ "$#" -gt 0 ]; then
+    exec "$PYTHON" -m pytest "$@"
+fi
+# Tests of real processes assert latencies: those have the machine to themselves
+"$PYTHON" -m pytest -n auto --dist loadfile --ignore tests/system --ignore tests/browser
+exec "$PYTHON" -m pytest tests/system tests/browser
