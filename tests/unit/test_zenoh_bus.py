@@ -42,7 +42,7 @@ def free_port() -> int:
         return port
 
 
-def until(condition: Callable[[], bool], deadline_s: float = 5.0) -> None:
+def until(condition: Callable[[], bool], deadline_s: float = 20.0) -> None:
     end_s = time.monotonic() + deadline_s
     while not condition():
         assert time.monotonic() < end_s, "the condition did not come true in time"
