@@ -7,6 +7,7 @@ Every process reads the same file. What the file leaves out takes the value writ
 from __future__ import annotations
 
 import dataclasses
+import re
 import tomllib
 from dataclasses import dataclass, field
 from math import degrees, radians
@@ -160,7 +161,7 @@ def _check(config: Config, file: str) -> None:
     if not name or any(c in "/*$#?@ " for c in name):
         raise ConfigError(f"{file}: robot.name must be one word without / * $ # ? @, not {name!r}.")
     for key, endpoint in (("listen", config.mesh.listen), ("robot", config.mesh.robot)):
-        if endpoint and not endpoint.startswith("tls/"):
+        if endpoint and re.fullmatch(r"tls/\S+:\d+", endpoint) is None:
             raise ConfigError(
                 f'{file}: mesh.{key} leaves this machine, so it must be "tls/HOST:PORT", not {endpoint!r}.'
             )

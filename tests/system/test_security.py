@@ -79,13 +79,19 @@ class KeyedMesh(Mesh):
         return any(text in (self.folder / name).read_text(encoding="utf-8") for name in ("comm.log", "comm.stdout"))
 
     def stop(self) -> None:
-        """The rightful stop, held by the robot."""
+        """The rightful stop, held by the robot; the planner knows of it too."""
         self.center.node.stop_desk.press()
-        until(lambda: self.latched and self.standing, what="the stop")
+
+        def planner_stands() -> bool:
+            drive = self.bus.latest(DRIVE)
+            return drive is not None and drive.speed is Speed.STOP
+
+        until(lambda: self.latched and self.standing and planner_stands(), what="the stop")
 
     def go(self) -> None:
         """Until the robot moves, whatever was before."""
         until(lambda: self.center.live() >= {"comm", "planner"}, what="the robot in the command center")
+        until(self._answered, what="the answer to what was asked before")
         if self.latched:
             until(lambda: not self.center.node.stop_desk.hindrance(), what="a stop that may be released")
             self.center.node.stop_desk.release()
@@ -93,10 +99,13 @@ class KeyedMesh(Mesh):
             assert self.standing
         until(self._moves, what="motion")
 
+    def _answered(self) -> bool:
+        operation = self.center.node.snapshot().operation
+        return operation is None or operation.answer is not Answer.WAITING
+
     def _moves(self) -> bool:
         """Asks again after each answer: a planner that has not heard of the release yet stands again at once."""
-        operation = self.center.node.snapshot().operation
-        if operation is None or operation.answer is not Answer.WAITING:
+        if self._answered():
             self.center.node.operate(Operation.RESUME)
         return not self.standing
 

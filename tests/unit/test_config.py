@@ -45,6 +45,7 @@ def test_values_are_read_and_integers_serve_as_numbers() -> None:
         ("[visualizer]\nport = 70000", "visualizer.port must be between 0 and 65535"),
         ('[robot]\nname = "a/b"', "robot.name must be one word"),
         ('[mesh]\nrobot = "tcp/robot:7449"\nkeys = "k"', 'mesh.robot leaves this machine, so it must be "tls/HOST'),
+        ('[mesh]\nrobot = "tls/robot"\nkeys = "k"', 'must be "tls/HOST:PORT"'),
         ('[mesh]\nlisten = "tls/0.0.0.0:7449"', "mesh.listen needs mesh.keys"),
         ("[robot", "r.toml is no valid TOML"),
     ],
