@@ -38,10 +38,9 @@ from onboard.mmu.worker import ProcessWorker
 MARKS_M = (100.0, 300.0, 600.0, 1000.0)
 QUICK_MARKS_M = (100.0,)
 PACE = 40.0  # times real time: the search has as little time as on a board that much slower
-COUNTED_REPORTS = (300, 1500)  # the first of them are not counted
+COUNTED_REPORTS = (300, 900)  # the first of them are not counted
 # Of a Cortex-A8 at 1 GHz: what one x86-64 instruction of an interpreter becomes, and how many it does in a cycle
 A8_HZ, A8_INSTRUCTIONS, A8_PER_CYCLE = 1e9, 1.3, (0.3, 0.7)
-SAMPLE_EVERY_M = 5.0
 P = TypeVar("P")
 
 
@@ -94,6 +93,10 @@ class Drive:
         self._node.close()
 
 
+def resident_mb(pid: int) -> float:
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
 def memory_mb(pid: int) -> tuple[float, float]:
     """Resident memory (RSS) and proportional share (PSS) of a process."""
     kb = {"Rss": 0, "Pss": 0}
@@ -110,16 +113,14 @@ def drive(marks_m: tuple[float, ...], pace: float) -> None:
     out = ZenohBus("mmu", replace(Config(), mesh=mesh), FreeClock())
     unit = Drive(out)
     print(HEAD, flush=True)
-    ahead_s, sampled_m, peak_mb = time.monotonic(), 0.0, 0.0
+    ahead_s, peak_mb = time.monotonic(), 0.0
     marks, since = list(marks_m), 0
     try:
         for metres, odometry, ranges in Course().messages(marks_m[-1]):
             unit.report(odometry, ranges)
             ahead_s += 1.0 / SENSOR_RATE_HZ / pace
             time.sleep(max(0.0, ahead_s - time.monotonic()))
-            if metres - sampled_m >= SAMPLE_EVERY_M or metres >= marks[0]:
-                sampled_m = metres
-                peak_mb = max(peak_mb, memory_mb(os.getpid())[0] + memory_mb(unit.worker.pid)[0])
+            peak_mb = max(peak_mb, resident_mb(os.getpid()) + resident_mb(unit.worker.pid))
             if metres >= marks[0]:
                 print(_line(marks.pop(0), unit, since, peak_mb), flush=True)
                 since = len(unit.step_s)

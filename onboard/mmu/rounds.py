@@ -16,7 +16,7 @@ from onboard.mmu.wall_points import WallPoints
 from onboard.mmu.wall_segments import Rays, concluded
 
 REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and walls
-REDRAW_WAY_M = 20.0  # after so much way the walls are drawn anew all the same
+REDRAW_WAY_M = 10.0  # after so much way the walls are drawn anew all the same
 
 
 class Rounds:

@@ -13,8 +13,8 @@ wall up to its end. Two straight walls that both end there and face each other m
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from math import radians
+from dataclasses import dataclass, replace
+from math import asin, cos, radians, sin
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,9 @@ CELLS_MIN = 5
 END_M = 2.0  # of a wall: what says where it goes on to
 GAP_MAX_M = 1.3
 OVERSHOOT_M = 0.25  # a wall may seem to end that much behind the corner
+DIRECTION_SD_RAD_M = 0.05  # of a wall's direction, times its length: echoes near its end lie off, all to one side
+SQUARE_SD_RAD = radians(2.0)
+SQUARE_NEAR_RAD = radians(12.0)
 CORNER_COS_MAX = float(np.cos(radians(35.0)))
 STEP_M = 0.8 / MAP_DENSITY_PER_M
 SILENT_FREE_M = 1.0  # a sonar that heard nothing several times running would have heard a wall this near
@@ -56,17 +59,39 @@ class Wall:
     along: FloatArray
     members: Points  # (N, 2), sorted along the wall
 
-    def end(self, high: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Where the wall ends, which way it goes on, and its normal there, by its last metres."""
-        corner = self.high if high else self.low
+    def end(self, high: bool) -> End:
+        """By its last metres."""
+        corner, out = (self.high, self.along) if high else (self.low, -self.along)
         near = self.members[np.abs((self.members - corner) @ self.along) <= END_M]
-        out = self.along if high else -self.along
-        if len(near) < CELLS_MIN:
-            return corner, out, self.normal
-        middle, normal = _line(near, np.ones(len(near)), self.normal)
+        middle, normal = (self.low + self.high) / 2, self.normal
+        if len(near) >= CELLS_MIN:
+            middle, normal = _line(near, np.ones(len(near)), self.normal)
         outward = np.array([-normal[1], normal[0]])
         outward = outward if outward @ out > 0 else -outward
-        return middle + ((corner - middle) @ outward) * outward, outward, normal
+        reach_m = float((corner - middle) @ outward)
+        return End(middle, outward, normal, reach_m, DIRECTION_SD_RAD_M / max(2 * reach_m, LENGTH_MIN_M))
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Of a wall: it goes through `middle` along `out`, as far as `reach_m`; how well its direction is known."""
+
+    middle: FloatArray
+    out: FloatArray
+    normal: FloatArray
+    reach_m: float
+    direction_sd_rad: float
+
+    @property
+    def at(self) -> FloatArray:
+        place: FloatArray = self.middle + self.reach_m * self.out
+        return place
+
+    def turned(self, by_rad: float) -> End:
+        """About its middle."""
+        c, s = cos(by_rad), sin(by_rad)
+        turn = np.array([[c, -s], [s, c]])
+        return replace(self, out=turn @ self.out, normal=turn @ self.normal)
 
 
 class Rays:
@@ -174,42 +199,52 @@ def _line(p: Points, weight: FloatArray, facing: FloatArray) -> tuple[FloatArray
 
 def corners(walls: list[Wall], rays: Rays) -> list[list[tuple[FloatArray, FloatArray]]]:
     """For each corner the pieces (from, to) that lead to it."""
-    ends = [(i, *wall.end(high)) for i, wall in enumerate(walls) for high in (False, True)]
+    ends = [(i, wall.end(high)) for i, wall in enumerate(walls) for high in (False, True)]
     if len(ends) < 2:
         return []
-    places = np.array([at for _, at, _, _ in ends])
+    places = np.array([end.at for _, end in ends])
     apart = places[:, None] - places[None, :]
     pairs = np.argwhere(np.triu((np.abs(apart) < 2 * GAP_MAX_M).all(axis=2), 1)).tolist()
-    found = sorted(
-        (gap_a + gap_b, a, b, (place[0], place[1]))
+    found = [
+        (gap_m, a, b, legs)
         for a, b in pairs
-        if ends[a][0] != ends[b][0] and (met := _meet(ends[a][1:], ends[b][1:])) is not None
-        for gap_a, gap_b, place in [met]
-    )
+        if ends[a][0] != ends[b][0] and (met := _meet(*_squared(ends[a][1], ends[b][1]))) is not None
+        for gap_m, legs in [met]
+    ]
     closed: set[int] = set()
     out: list[list[tuple[FloatArray, FloatArray]]] = []
-    for _, a, b, place in found:
-        corner = np.array(place)
-        legs = [(ends[k][1], corner) for k in (a, b)]
+    for _, a, b, legs in sorted(found, key=lambda corner: corner[:3]):
         if closed & {a, b} or any(rays.pass_through(*leg) for leg in legs):
             continue
         closed |= {a, b}
-        out.append([leg for k, leg in zip((a, b), legs, strict=True) if (corner - leg[0]) @ ends[k][2] > STEP_M])
+        out.append([(start, to) for start, to in legs if float(np.hypot(*(to - start))) > STEP_M])
     return out
 
 
-def _meet(
-    a: tuple[FloatArray, FloatArray, FloatArray], b: tuple[FloatArray, FloatArray, FloatArray]
-) -> tuple[float, float, FloatArray] | None:
-    """How far two walls end before the inner corner that they form, and where that is; None where they form none."""
-    (at_a, out_a, normal_a), (at_b, out_b, normal_b) = a, b
-    if abs(float(normal_a @ normal_b)) > CORNER_COS_MAX:
+def _squared(a: End, b: End) -> tuple[End, End]:
+    """Walls that nearly stand at a right angle do so the more, the less their own directions say."""
+    off_rad = asin(max(-1.0, min(1.0, float(a.out @ b.out))))
+    if abs(off_rad) > SQUARE_NEAR_RAD:
+        return a, b
+    total = a.direction_sd_rad**2 + b.direction_sd_rad**2 + SQUARE_SD_RAD**2
+    side = 1.0 if a.out[0] * b.out[1] - a.out[1] * b.out[0] > 0 else -1.0
+    return (
+        a.turned(-side * off_rad * a.direction_sd_rad**2 / total),
+        b.turned(side * off_rad * b.direction_sd_rad**2 / total),
+    )
+
+
+def _meet(a: End, b: End) -> tuple[float, list[tuple[FloatArray, FloatArray]]] | None:
+    """The gap before the inner corner that two walls form, and the pieces up to it; None where they form none."""
+    if abs(float(a.normal @ b.normal)) > CORNER_COS_MAX:
         return None
-    gap_a, gap_b = np.linalg.solve(np.column_stack([out_a, -out_b]), at_b - at_a).tolist()
-    inner = out_a @ normal_b > 0 and out_b @ normal_a > 0
+    gap_a, gap_b = np.linalg.solve(np.column_stack([a.out, -b.out]), b.at - a.at).tolist()
+    inner = a.out @ b.normal > 0 and b.out @ a.normal > 0
     if not inner or min(gap_a, gap_b) < -OVERSHOOT_M or max(gap_a, gap_b) > GAP_MAX_M:
         return None
-    return max(gap_a, 0.0), max(gap_b, 0.0), at_a + gap_a * out_a
+    corner = a.at + gap_a * a.out
+    legs = [(end.at, corner) for end, gap_m in ((a, gap_a), (b, gap_b)) if gap_m > 0]
+    return max(gap_a, 0.0) + max(gap_b, 0.0), legs
 
 
 def _gaps(wall: Wall) -> Iterator[tuple[FloatArray, FloatArray]]:

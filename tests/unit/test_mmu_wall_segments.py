@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import atan2, pi
+from math import atan2, cos, pi, radians, sin, tan
 
 import numpy as np
 import pytest
@@ -89,6 +89,23 @@ def test_a_wall_with_sparse_echoes_is_filled_to_the_density_of_the_map() -> None
 def test_an_echo_alone_beside_the_end_of_a_wall_is_not_joined_to_it() -> None:
     stray: Echoes = (np.array([[-0.5, 0.0]]), np.array([-pi / 2]))
     assert len(concluded(*together(FLOOR, stray), NO_RAYS)) == 0
+
+
+def test_a_short_wall_that_stands_nearly_square_to_a_long_one_is_closed_more_squarely_than_it_seems() -> None:
+    off_m = 0.4 * tan(radians(6.0))
+    crooked = wall(off_m, 0.7, -off_m, 1.5)
+    corner = concluded(*together(FLOOR, crooked), NO_RAYS)
+    assert corner[:, 0].max() < 0.6 * 1.1 * tan(radians(6.0))
+
+
+def test_walls_that_stand_oblique_stay_so() -> None:
+    leaning = wall(
+        0.8 * sin(radians(30.0)), 0.8 * cos(radians(30.0)), 4.0 * sin(radians(30.0)), 4.0 * cos(radians(30.0))
+    )
+    points = concluded(*together(FLOOR, leaning), NO_RAYS)
+    assert np.hypot(*points.T).min() < 0.05
+    leg = points[points[:, 1] > 0.2]
+    assert np.degrees(np.arctan2(leg[:, 0], leg[:, 1])) == pytest.approx(30.0, abs=5.0)
 
 
 def test_the_two_sides_of_a_thin_wall_are_two_walls() -> None:
