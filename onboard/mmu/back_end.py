@@ -341,12 +341,12 @@ class BackEnd:
             return
         begins = not any(edge.kind is Kind.BEARING for edge in self._graph.edges)
         if begins:
-            self._graph.slow[WALLS] = phase(self._directions) / 4
+            self._graph.slow[WALLS] = phase(self._directions) / 4 - self._graph.pose(0).heading_rad
         for one in self._pieces if begins else [piece]:
             pose = self._graph.pose(one.node)
             off_rad = self._off_right_angles(pose.heading_rad + one.normal_rad)
             if abs(off_rad) <= RIGHT_ANGLES_NEAR_RAD:
-                heading_rad = wrap_angle(pose.heading_rad - off_rad - float(self._graph.slow[WALLS]))
+                heading_rad = wrap_angle(pose.heading_rad - off_rad - self._walls_rad)
                 upright = Pose2(pose.x_m, pose.y_m, heading_rad)
                 information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
                 self._graph.edges.append(Edge(0, one.node, upright, information, Kind.BEARING))
@@ -359,7 +359,12 @@ class BackEnd:
 
     def _off_right_angles(self, direction_rad: float) -> float:
         """How far a direction departs from the nearest of the walls'."""
-        return (direction_rad - float(self._graph.slow[WALLS]) + pi / 4) % (pi / 2) - pi / 4
+        return (direction_rad - self._walls_rad + pi / 4) % (pi / 2) - pi / 4
+
+    @property
+    def _walls_rad(self) -> float:
+        """Direction of walls at right angles in the map."""
+        return float(self._graph.slow[WALLS]) + self._graph.pose(0).heading_rad
 
     def _tie_loops(self) -> None:
         rows = self._echoes.stretch(self._way_m - RECENT_M)

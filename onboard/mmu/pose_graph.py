@@ -4,14 +4,14 @@ Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's slo
 longer than the wheels say, how much it turns away per radian turned, and per metre, which wanders (a gyro's bias does)
 and so has a value for every few metres. Ties to walls carry robust weights (dynamic covariance scaling, Agarwal et al.
 2013), so that a wrong one loses its pull instead of bending the map, and gets it back should the graph come to agree
-with it. Node 0 is held.
+with it. Node 0 stays in its place, the map as a whole keeps its direction.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from math import radians
+from math import atan2, cos, radians, sin
 
 import numpy as np
 from scipy.sparse import block_diag, coo_matrix, identity
@@ -121,7 +121,7 @@ class PoseGraph:
             if np.abs(step).max() < AT_REST and phi == DCS_PHI:
                 break
             phi = max(phi / EASING, DCS_PHI)
-        poses[:, 2] = wrap_angles(poses[:, 2])
+        poses = _turned_least(poses, before)
         self._poses, self.slow = list(poses), slow
         return float(np.hypot(*(poses - before)[:, :2].T).max())
 
@@ -211,6 +211,20 @@ class _System:
         scaled = np.minimum(1.0, 2 * phi / (phi + chi2)) ** 2
         milder = 1.0 / np.sqrt(1.0 + chi2 / DCS_PHI)
         return np.where(self.kind == Kind.ODOMETRY.value, 1.0, np.where(self.kind == Kind.NEAR.value, milder, scaled))
+
+
+def _turned_least(poses: FloatArray, before: FloatArray) -> FloatArray:
+    """Poses (K, 3) turned about the first one's place so that, as a whole, they lie as they did `before`.
+
+    How the map lies to the first heading is the graph's least certain part: whoever drives by the map, and whoever
+    compares it with yesterday's, is better off when it does not swing round with every change of mind about that.
+    """
+    here, there = poses[:, :2] - poses[0, :2], before[:, :2] - poses[0, :2]
+    cross = float((here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]).sum())
+    turn_rad = atan2(cross, float((here * there).sum())) if len(poses) > 1 else 0.0
+    c, s = cos(turn_rad), sin(turn_rad)
+    places = poses[0, :2] + here @ np.array([[c, s], [-s, c]])
+    return np.column_stack([places, wrap_angles(poses[:, 2] + turn_rad)])
 
 
 def _bent(relative: FloatArray, bend_rad: FloatArray) -> FloatArray:
