@@ -90,14 +90,19 @@ class RightAngles:
         """These and one direction more; `weight` in any unit, the same for all."""
         return RightAngles(self.weight + weight, self.resultant + weight * rect(1.0, 4 * direction_rad))
 
-    def offset_rad(self, direction_rad: float, share_min: float) -> float | None:
-        """How far a direction is turned from the nearest right angle, in (-pi/4, pi/4], left positive.
+    @property
+    def share(self) -> float:
+        """Mean resultant length. 0: all directions alike, 1: all at right angles."""
+        return abs(self.resultant) / self.weight if self.weight else 0.0
 
-        None where the mean resultant length (0: all directions alike, 1: all at right angles) is below `share_min`.
-        """
-        if abs(self.resultant) < share_min * self.weight:
-            return None
-        return wrap_angle(4 * direction_rad - phase(self.resultant)) / 4
+    @property
+    def direction_rad(self) -> float:
+        """That of the four directions at right angles which lies in (-pi/4, pi/4]."""
+        return phase(self.resultant) / 4
+
+    def offset_rad(self, direction_rad: float) -> float:
+        """How far a direction is turned from the nearest right angle, in (-pi/4, pi/4], left positive."""
+        return wrap_angle(4 * (direction_rad - self.direction_rad)) / 4
 
 
 def rigid_fit(source: Points, target: Points) -> Pose2:

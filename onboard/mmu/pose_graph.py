@@ -1,26 +1,31 @@
 """Pose graph: key frames joined by what odometry and matches say of their relative poses.
 
-Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's slow errors: how much it turns away per
-radian turned, and per metre, which wanders (a gyro's bias does) and so has a value for every few metres. Ties to walls
-carry robust weights (dynamic covariance scaling, Agarwal et al. 2013), so that a wrong one loses its pull instead of
-bending the map, and gets it back should the graph come to agree with it. Node 0 is held.
+Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's slow errors: by what share every way is
+longer than the wheels say, how much it turns away per radian turned, and per metre, which wanders (a gyro's bias does)
+and so has a value for every few metres. Ties to walls carry robust weights (dynamic covariance scaling, Agarwal et al.
+2013), so that a wrong one loses its pull instead of bending the map, and gets it back should the graph come to agree
+with it. Node 0 stays in its place, the map as a whole keeps its direction.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from math import atan2, cos, radians, sin
 
 import numpy as np
 from scipy.sparse import block_diag, coo_matrix, identity
 from scipy.sparse.linalg import splu
 
-from common.geometry import FloatArray, Pose2, wrap_angles
+from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
 
 DCS_PHI = 8.0
 ITERATIONS = 14
 EASING = 3.0
 AT_REST = 1e-3
+# In `slow`: m/m, rad/rad, the direction (rad) of walls that stand at right angles, then rad/m of each stretch
+LENGTH, TURN, WALLS, PER_M = range(4)
+WALLS_SD_RAD = radians(45.0)  # nothing is known of it beforehand
 
 
 class Kind(Enum):
@@ -31,6 +36,7 @@ class Kind(Enum):
     LOOP = 2  # a place visited before
     WALL = 3  # a wall that goes on
     BEARING = 4  # the building's right angles
+    APPROACH = 5  # a wall ahead that came nearer
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,15 +63,16 @@ class DriftPrior:
     rad_per_m: float
     rad_per_m_step: float  # from one stretch to the next
     rad_per_rad: float
+    m_per_m: float
 
 
 @dataclass(slots=True)
 class PoseGraph:
-    """`poses` (K, 3) are the best estimates in the map, `drift` (1 + stretches,) those of the slow errors."""
+    """`poses` (K, 3) are the best estimates in the map, `slow` (3 + stretches,) those of what hardly changes."""
 
     prior: DriftPrior
     edges: list[Edge] = field(default_factory=list)
-    drift: FloatArray = field(default_factory=lambda: np.zeros(2))  # per radian, then per metre of each stretch
+    slow: FloatArray = field(default_factory=lambda: np.zeros(PER_M + 1))
     _poses: list[FloatArray] = field(default_factory=list)
 
     def add_node(self, pose: Pose2) -> int:
@@ -77,8 +84,8 @@ class PoseGraph:
 
     def begin_stretch(self, stretch: int) -> None:
         """The value per metre goes on from the one before, until the walls say otherwise."""
-        while len(self.drift) < stretch + 2:
-            self.drift = np.append(self.drift, self.drift[-1])
+        while len(self.slow) < PER_M + stretch + 1:
+            self.slow = np.append(self.slow, self.slow[-1])
 
     @property
     def poses(self) -> FloatArray:
@@ -90,6 +97,8 @@ class PoseGraph:
     def chi2(self, edge: Edge) -> float:
         """How strongly an edge that is no odometry pulls."""
         error = edge.relative.between(self.pose(edge.first).between(self.pose(edge.second))).as_array()
+        if edge.kind is Kind.BEARING:
+            error[2] = wrap_angle(error[2] - self.slow[WALLS])
         return float(error @ edge.information @ error)
 
     def strain(self, start: int) -> float:
@@ -101,81 +110,83 @@ class PoseGraph:
         if len(self._poses) < 2 or not self.edges:
             return 0.0
         before = self.poses
-        poses, drift = before.copy(), self.drift.copy()
-        system = _System(self.edges, len(poses), len(drift), self.prior)
+        poses, slow = before.copy(), self.slow.copy()
+        system = _System(self.edges, len(poses), len(slow), self.prior)
         # Graduated non-convexity (Yang et al. 2020): first everything pulls, then what stays strained lets go
         phi = max(self.strain(0), DCS_PHI)
         for _ in range(ITERATIONS):
-            step, drift_step = system.step(poses, drift, phi)
+            step, slow_step = system.step(poses, slow, phi)
             poses += step
-            drift += drift_step
+            slow += slow_step
             if np.abs(step).max() < AT_REST and phi == DCS_PHI:
                 break
             phi = max(phi / EASING, DCS_PHI)
-        poses[:, 2] = wrap_angles(poses[:, 2])
-        self._poses, self.drift = list(poses), drift
+        poses = _turned_least(poses, before)
+        self._poses, self.slow = list(poses), slow
         return float(np.hypot(*(poses - before)[:, :2].T).max())
 
 
 class _System:
     """The edges as arrays, and one Gauss-Newton step on them."""
 
-    def __init__(self, edges: list[Edge], nodes: int, drifts: int, prior: DriftPrior) -> None:
+    def __init__(self, edges: list[Edge], nodes: int, slow: int, prior: DriftPrior) -> None:
         self.first = np.array([e.first for e in edges])
         self.second = np.array([e.second for e in edges])
         self.measured = np.array([e.relative.as_array() for e in edges])
         self.information = np.array([e.information for e in edges])
         self.kind = np.array([e.kind.value for e in edges])
-        self.driven = np.array([(e.turn_rad, e.way_m) for e in edges])
+        self.driven = np.array([(e.turn_rad, float(e.kind is Kind.BEARING), e.way_m) for e in edges])
+        self.wheeled = np.array([e.way_m > 0.0 for e in edges], dtype=np.float64)
         self.stretch = np.array([e.stretch for e in edges])
         self.size = 3 * nodes
-        self.drifts = drifts
-        self.prior = np.zeros((drifts, drifts))
-        self.prior[0, 0], self.prior[1, 1] = prior.rad_per_rad**-2, prior.rad_per_m**-2
+        self.slow = slow
+        self.prior = np.zeros((slow, slow))
+        sd = np.array([prior.m_per_m, prior.rad_per_rad, WALLS_SD_RAD, prior.rad_per_m])
+        np.fill_diagonal(self.prior[: PER_M + 1, : PER_M + 1], sd**-2)
         step = np.array([[1.0, -1.0], [-1.0, 1.0]]) * prior.rad_per_m_step**-2
-        for i in range(1, drifts - 1):
+        for i in range(PER_M, slow - 1):
             self.prior[i : i + 2, i : i + 2] += step
 
-    def step(self, poses: FloatArray, drift: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
-        """Moves of all poses (K, 3) and of the drift."""
-        error, ja, jb, jd = self._linearise(poses, drift)
+    def step(self, poses: FloatArray, slow: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
+        """Moves of all poses (K, 3) and of what hardly changes."""
+        error, ja, jb, jd = self._linearise(poses, slow)
         chi2 = np.einsum("ei,eij,ej->e", error, self.information, error)
         weighted = self.information * self._trust(chi2, phi)[:, None, None]
         n = len(error)
-        # Columns of an edge: its two nodes, then the two slow errors at the end of the state
+        # Columns of an edge: its two nodes, then what hardly changes, at the end of the state
         columns = np.concatenate(
             [
                 3 * self.first[:, None] + np.arange(3),
                 3 * self.second[:, None] + np.arange(3),
-                np.column_stack([np.full(n, self.size), self.size + 1 + self.stretch]),
+                np.column_stack([np.tile(self.size + np.arange(PER_M), (n, 1)), self.size + PER_M + self.stretch]),
             ],
             axis=1,
         )
         jacobian = np.concatenate([ja, jb, jd], axis=2)
         left = np.einsum("eki,ekl->eil", jacobian, weighted)
         pull = np.einsum("eil,el->ei", left, error).ravel()
-        gradient = np.zeros(self.size + self.drifts) + np.bincount(
-            columns.ravel(), pull, minlength=self.size + self.drifts
-        )
+        gradient = np.zeros(self.size + self.slow) + np.bincount(columns.ravel(), pull, minlength=self.size + self.slow)
         blocks = np.einsum("eil,elj->eij", left, jacobian)
         rows = np.broadcast_to(columns[:, :, None], blocks.shape)
         across = np.broadcast_to(columns[:, None, :], blocks.shape)
-        size = self.size + self.drifts
+        size = self.size + self.slow
         hessian = coo_matrix((blocks.ravel(), (rows.ravel(), across.ravel())), shape=(size, size)).tocsc()
         hessian = hessian + block_diag([identity(self.size) * 1e-6, self.prior], format="csc")
-        gradient[self.size :] += self.prior @ drift
+        gradient[self.size :] += self.prior @ slow
         solution = np.zeros(size)
         # Ordered as a symmetric matrix: half the time and 10 MB less than the default at a thousand poses
         factors = splu(hessian[3:, 3:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         solution[3:] = factors.solve(-gradient[3:])
         return solution[: self.size].reshape(-1, 3), solution[self.size :]
 
-    def _linearise(self, poses: FloatArray, drift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _linearise(self, poses: FloatArray, slow: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         a, b = poses[self.first], poses[self.second]
         c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
         dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
-        bent = self.driven[:, 0] * drift[0] + self.driven[:, 1] * drift[1 + self.stretch]
+        bent = self.driven[:, :2] @ slow[TURN:PER_M] + self.driven[:, 2] * slow[PER_M + self.stretch]
+        longer = self.wheeled * slow[LENGTH]
         expected = _bent(self.measured, bent)
+        expected[:, :2] *= 1.0 + longer[:, None]
         error = np.stack([c * dx + s * dy, -s * dx + c * dy, b[:, 2] - a[:, 2]], axis=1) - expected
         error[:, 2] = wrap_angles(error[:, 2])
         zero, one = np.zeros(len(a)), np.ones(len(a))
@@ -192,12 +203,30 @@ class _System:
             axis=1,
         )
         by_bend = np.stack([0.5 * expected[:, 1], -0.5 * expected[:, 0], -one], axis=1)
-        return error, ja, jb, by_bend[:, :, None] * self.driven[:, None, :]
+        by_length = (
+            np.stack([-expected[:, 0], -expected[:, 1], zero], axis=1) * (self.wheeled / (1.0 + longer))[:, None]
+        )
+        by_slow = np.concatenate([by_length[:, :, None], by_bend[:, :, None] * self.driven[:, None, :]], axis=2)
+        return error, ja, jb, by_slow
 
     def _trust(self, chi2: FloatArray, phi: float) -> FloatArray:
         scaled = np.minimum(1.0, 2 * phi / (phi + chi2)) ** 2
         milder = 1.0 / np.sqrt(1.0 + chi2 / DCS_PHI)
         return np.where(self.kind == Kind.ODOMETRY.value, 1.0, np.where(self.kind == Kind.NEAR.value, milder, scaled))
+
+
+def _turned_least(poses: FloatArray, before: FloatArray) -> FloatArray:
+    """Poses (K, 3) turned about the first one's place so that, as a whole, they lie as they did `before`.
+
+    How the map lies to the first heading is the graph's least certain part: whoever drives by the map, and whoever
+    compares it with yesterday's, is better off when it does not swing round with every change of mind about that.
+    """
+    here, there = poses[:, :2] - poses[0, :2], before[:, :2] - poses[0, :2]
+    cross = float((here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]).sum())
+    turn_rad = atan2(cross, float((here * there).sum())) if len(poses) > 1 else 0.0
+    c, s = cos(turn_rad), sin(turn_rad)
+    places = poses[0, :2] + here @ np.array([[c, s], [-s, c]])
+    return np.column_stack([places, wrap_angles(poses[:, 2] + turn_rad)])
 
 
 def _bent(relative: FloatArray, bend_rad: FloatArray) -> FloatArray:

@@ -64,6 +64,7 @@ class Slam:
         self._poses = PoseStore()
         self._echoes = FrameStore()
         self._rays = FrameStore()
+        self._approaches: list[tuple[float, ...]] = []  # that the back end does not have
         self._travel_m = self._way_m = 0.0
         self._handed = (0, 0, 0)  # frames, echoes and rays that the back end has
         self._submitted = (0, 0)  # echoes and rays that the next correction rests on
@@ -148,6 +149,10 @@ class Slam:
         """Take in one report; ranges from before the first odometry are of no use, nor those of other sonars."""
         if self._recent and len(ranges.range_m) == len(ranges.age_s) == self._beams:
             self._store(*self._surroundings.add(ranges.t_s, self._recent, ranges.range_m, ranges.age_s))
+            for approach in self._surroundings.take_approaches():
+                far = self._in_frame(approach.far_t_s, (approach.far.x_m, approach.far.y_m))
+                near = self._in_frame(approach.near_t_s, (approach.near.x_m, approach.near.y_m))
+                self._approaches.append((*far, *near, approach.closer_m))
 
     def trajectory(self) -> tuple[FloatArray, FloatArray]:
         """Times (K,) and poses (K, 3) of the key frames as they lie now."""
@@ -211,12 +216,14 @@ class Slam:
     def _increment(self, start: tuple[int, int, int], end: tuple[int, int, int], known: bool = False) -> Increment:
         self._handed, self._submitted = end, end[1:]
         last = self._board
+        approaches, self._approaches = ([], self._approaches) if known else (self._approaches, [])
         return Increment(
             tuple(self._frames[start[0] : end[0]]),
             self._echoes.rows(start[1])[: end[1] - start[1]].copy(),
             self._rays.rows(start[2])[: end[2] - start[2]].copy(),
             None if last is None else LastSeen(last.session, board_pose(last), self.pose),
             known,
+            np.array(approaches).reshape(-1, 7),
         )
 
     def _correct(self, correction: Correction) -> None:
@@ -283,11 +290,16 @@ class Slam:
         self, store: FrameStore, t_s: float, place: tuple[float, float], direction_rad: float, length_m: float
     ) -> None:
         """Put something known in `odom` into the frame of the key frame of its time."""
-        node = self._frame_at(t_s)
+        node, x_m, y_m = self._in_frame(t_s, place)
         frame = self._frames[node]
-        x_m, y_m = frame.odom.inverse().transform(place)
         turned_rad = wrap_angle(direction_rad - frame.odom.heading_rad)
-        store.append(np.array([[node, frame.way_m, float(x_m), float(y_m), turned_rad, length_m]]))
+        store.append(np.array([[node, frame.way_m, x_m, y_m, turned_rad, length_m]]))
+
+    def _in_frame(self, t_s: float, place: tuple[float, float]) -> tuple[int, float, float]:
+        """A place (odom) in the frame of the key frame of its time: key frame, x and y."""
+        node = self._frame_at(t_s)
+        x_m, y_m = self._frames[node].odom.inverse().transform(place)
+        return node, float(x_m), float(y_m)
 
     def _frame_at(self, t_s: float) -> int:
         for node in range(len(self._frames) - 1, 0, -1):

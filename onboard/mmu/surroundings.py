@@ -14,6 +14,7 @@ import numpy as np
 
 from common.constants import SONAR_RANGE_MIN_M, SONAR_STEP_M
 from common.geometry import FloatArray, Pose2, wrap_angle
+from onboard.mmu.approach import AHEAD_RAD, Approach, ApproachTrack
 from onboard.mmu.echo_direction import Beam, locate
 
 WINDOW_HALF_M = 0.25  # travel before and after a sample that its direction is fitted over
@@ -215,6 +216,8 @@ class Surroundings:
         self._newest_s = [float("-inf")] * len(bearings_rad)
         self._recent: list[deque[float]] = [deque(maxlen=3) for _ in bearings_rad]
         self._ray_poses: list[Pose2 | None] = [None] * len(bearings_rad)
+        self._ahead = {i: ApproachTrack(b) for i, b in enumerate(bearings_rad) if abs(b) <= AHEAD_RAD}
+        self._approaches: list[Approach] = []
         self._travel_m = 0.0
         self._last_pose: Pose2 | None = None
 
@@ -241,11 +244,24 @@ class Surroundings:
                 behind_m = pose.distance_m(newest)
                 sample = Sample(measured_s, pose, range_m + self._half_step_m, self._travel_m - behind_m)
                 echoes += track.add(sample)
+                self._approach(i, sample)
             else:
                 echoes += track.miss()
             if len(self._recent[i]) == 3 and self._ray_due(i, pose):
                 rays.append(Ray(measured_s, pose, self._bearings_rad[i], sorted(self._recent[i])[1]))
         return echoes, rays
+
+    def take_approaches(self) -> list[Approach]:
+        """Those that ended since the last call."""
+        done, self._approaches = self._approaches, []
+        return done
+
+    def _approach(self, beam: int, sample: Sample) -> None:
+        track = self._ahead.get(beam)
+        if track is not None and sample.range_m > SONAR_RANGE_MIN_M + 2 * self._half_step_m:
+            done = track.add(sample.t_s, sample.pose, sample.range_m)
+            if done is not None:
+                self._approaches.append(done)
 
     def _ray_due(self, beam: int, pose: Pose2) -> bool:
         """From where the last ray came there is nothing new to see."""

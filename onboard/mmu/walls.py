@@ -17,6 +17,7 @@ PIECE_POINTS_MIN = 25
 PIECE_LENGTH_MIN_M = 1.5
 PIECE_SD_MAX_M = 0.03
 INLIER_M = 0.06
+BEND_MAX_RAD = radians(4.0)  # a piece round a slight corner has no direction
 SAME_ANGLE_RAD = radians(5.0)
 SAME_OFFSET_M = 0.30
 GAP_MAX_M = 6.0
@@ -55,12 +56,19 @@ def fit_piece(points: Points, normals_rad: FloatArray) -> tuple[FloatArray, floa
         residual = (points - middle) @ normal
         keep = np.abs(residual) < INLIER_M
         normal_rad = atan2(float(normal[1]), float(normal[0]))
-    along = (points[keep] - middle) @ np.array([-normal[1], normal[0]])
-    length_m = float(np.ptp(along)) if keep.any() else 0.0
-    straight = keep.mean() > 0.7 and residual[keep].std() < PIECE_SD_MAX_M if keep.any() else False
-    if not straight or length_m < PIECE_LENGTH_MIN_M:
+    if keep.mean() <= 0.7:
+        return None
+    along, off = (points[keep] - middle) @ np.array([-normal[1], normal[0]]), residual[keep]
+    length_m = float(np.ptp(along))
+    if length_m < PIECE_LENGTH_MIN_M or off.std() >= PIECE_SD_MAX_M or abs(_bend_rad(along, off)) > BEND_MAX_RAD:
         return None
     return middle, normal_rad, length_m
+
+
+def _bend_rad(along: FloatArray, off: FloatArray) -> float:
+    """By how much the direction changes from end to end: a parabola through the residuals (N,) of the line."""
+    square = along**2 - (along**2).mean()
+    return 2 * float(np.ptp(along)) * float((square * off).sum()) / max(float((square**2).sum()), 1e-9)
 
 
 def continuation(

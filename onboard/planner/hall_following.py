@@ -47,10 +47,9 @@ class HallFollowing:
 
     def along(self, heading_rad: float) -> float:
         """The building's own direction next to a heading, where it has right angles; else the same."""
-        if self._right_angles.weight < DIRECTIONS_MIN:
+        if self._right_angles.weight < DIRECTIONS_MIN or self._right_angles.share < RIGHT_ANGLES_SHARE:
             return heading_rad
-        off_rad = self._right_angles.offset_rad(heading_rad, RIGHT_ANGLES_SHARE)
-        return heading_rad if off_rad is None else wrap_angle(heading_rad - off_rad)
+        return wrap_angle(heading_rad - self._right_angles.offset_rad(heading_rad))
 
     def opening_passed(self, grid: GridMap, frontier: Frontier, pose: Pose2) -> Cells | None:
         """Frontier cells of an opening on the right; None where there is none, and for a while after each."""

@@ -92,8 +92,7 @@ def test_rigid_fit_finds_the_motion_that_was_made(pose: Pose2) -> None:
 @given(ANGLES, st.integers(-2, 2), st.floats(-0.7, 0.7))
 def test_a_direction_is_measured_from_the_nearest_right_angle(base: float, quarters: int, off: float) -> None:
     angles = RightAngles().with_direction(base, 3.0).with_direction(base + pi / 2, 2.0)
-    found = angles.offset_rad(base + quarters * pi / 2 + off, share_min=0.9)
-    assert found is not None
+    found = angles.offset_rad(base + quarters * pi / 2 + off)
     assert isclose(found, off, abs_tol=1e-9)
 
 
@@ -101,4 +100,4 @@ def test_directions_of_all_kinds_are_no_right_angles() -> None:
     angles = RightAngles()
     for i in range(12):
         angles = angles.with_direction(radians(15.0 * i))
-    assert angles.offset_rad(0.0, share_min=0.5) is None
+    assert angles.share < 0.5

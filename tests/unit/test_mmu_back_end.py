@@ -1,0 +1,64 @@
+"""What the back end makes of walls at right angles and of a wall ahead."""
+
+from __future__ import annotations
+
+from math import pi, radians
+
+import numpy as np
+import pytest
+
+from common.geometry import FloatArray, Pose2
+from onboard.mmu.back_end import BackEnd
+from onboard.mmu.key_frames import Increment, KeyFrame
+
+STEP_M = 0.4
+WAY_M = 24.0
+BEND_RAD = radians(0.2)  # per metre: how the gyro drifts
+TRUE_M_PER_M = 1.006
+
+
+def hall(bend_rad: float) -> list[Increment]:
+    """Straight down a hall 2 m wide by odometry that bends; every true metre is 1 / 1.006 of it. One increment a metre.
+
+    From 4 m to 8 m and from 14 m to 18 m, a wall ahead came nearer.
+    """
+    increments: list[Increment] = []
+    frames: list[KeyFrame] = []
+    echoes: list[list[float]] = []
+    for i in range(round(WAY_M / STEP_M) + 1):
+        way_m = i * STEP_M
+        heading_rad = bend_rad * way_m
+        at = np.array([np.cos(np.linspace(0, heading_rad, 50)).mean(), np.sin(np.linspace(0, heading_rad, 50)).mean()])
+        odom = Pose2(float(at[0]) * way_m, float(at[1]) * way_m, heading_rad)
+        frames.append(KeyFrame(2.5 * way_m, odom, way_m, way_m, heading_rad, 0.0))
+        for k in range(8):
+            for side in (1.0, -1.0):
+                x_m = 0.05 * k
+                echoes.append([i, way_m, x_m, side, side * pi / 2, 1.0])
+        if i % 3 == 2:
+            ends = [10.0 * k + 8.0 for k in range(2) if way_m - 1.2 < 10.0 * k + 8.0 <= way_m]
+            rows = [[round((end - 4.0) / STEP_M), 0, 0, round(end / STEP_M), 0, 0, 4.0 * TRUE_M_PER_M] for end in ends]
+            approaches = np.array(rows, dtype=np.float64).reshape(-1, 7)
+            rows_of = np.array(echoes)
+            increments.append(Increment(tuple(frames), rows_of, np.zeros((0, 6)), approaches=approaches))
+            frames, echoes = [], []
+    return increments
+
+
+def poses(increments: list[Increment]) -> FloatArray:
+    back_end = BackEnd()
+    for increment in increments:
+        last = back_end.take(increment).poses
+    return last
+
+
+def test_a_straight_hall_keeps_the_heading_of_a_gyro_that_drifts() -> None:
+    headings = poses(hall(BEND_RAD))[:, 2]
+    assert abs(headings[-1]) < radians(1.0)
+
+
+@pytest.mark.requirement("MMU_MR_03")
+def test_a_wall_ahead_corrects_the_length_of_the_way() -> None:
+    way = poses(hall(0.0))
+    end_m, driven_m = way[-1, 0], STEP_M * (len(way) - 1)
+    assert 1.002 * driven_m < end_m < 1.0065 * driven_m
