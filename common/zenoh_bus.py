@@ -39,6 +39,7 @@ from common.zenoh_session import (
     close_sessions,
     command_way,
     direct,
+    lease_s,
     main_way,
     open_session,
     watch_links,
@@ -117,11 +118,12 @@ class ZenohBus:
         self._arrival = threading.Event()
         self.gate = CommandGate(name, config)
         own_way, for_commands = main_way(name, mode, config), command_way(name, mode, config)
-        self._session = self._command_session = open_session(own_way, clock.lease_s)
+        lease = lease_s(name, clock.lease_s)
+        self._session = self._command_session = open_session(own_way, lease)
         self._token: Any = None
         try:
             if for_commands is not None:
-                self._command_session = open_session(for_commands, clock.lease_s)
+                self._command_session = open_session(for_commands, lease)
             if self.gate.wants_challenges:
                 self._challenges = self._command_session.declare_subscriber(
                     self._key(PERMIT), direct(self._hear_challenge)

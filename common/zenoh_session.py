@@ -25,11 +25,15 @@ from common.clock import FREE_LEASE_S
 from common.config import Config
 from common.errors import StartError
 from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
-from common.messages import STOP
+from common.messages import ON_ROBOT, STOP
 
 Mode = Literal["peer", "client", "router"]
 
 LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
+# Over a poor Wi-Fi a link is given up before its first words have arrived, and so it never stands
+LAPTOP_LEASE_S = 2.0
+# Ten seconds would be kept by a first packet that was lost; TCP repeats it ever more rarely
+_OPEN_TIMEOUT_S = 2.5
 _ANY_LOOPBACK = "tcp/127.0.0.1:0"
 _CLOSE_TIMEOUT_S = 1.0
 
@@ -79,6 +83,15 @@ def command_way(name: str, mode: Mode, config: Config) -> Way | None:
     return main_way(name, mode, config)
 
 
+def lease_s(name: str, clock_lease_s: float) -> float:
+    """How long the others wait for this process until they give it up (s); on the robot, as the clock asks.
+
+    Not so comm, though it speaks over Wi-Fi too: who was frozen for a moment must lose the router with its neighbours,
+    or nobody joins it with them again.
+    """
+    return clock_lease_s if name in ON_ROBOT else max(clock_lease_s, LAPTOP_LEASE_S)
+
+
 def _straight_to_robot(name: str, mode: Mode, config: Config) -> Way:
     # A client cannot begin without comm, and comm passes nothing from one peer to another
     how: Mode = "client" if mode == "client" else "router"
@@ -99,6 +112,7 @@ def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
+        "transport/unicast/open_timeout": round(1000 * _OPEN_TIMEOUT_S),
         "transport/link/tx/lease": round(1000 * lease_s),
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/real_time": 16,
