@@ -7,6 +7,7 @@ DEBIAN_PACKAGES=(g++ libegl1 libgl1-mesa-dri)
 # A browser for the page; the firmware's build for the Mega, and simavr to run it (`simulate --board avr`)
 TEST_PACKAGES=(chromium make gcc-avr avr-libc arduino-core-avr arduino-builder libsimavr-dev libelf-dev)
 TEST_PACKAGES+=(clang libclang-rt-dev) # the fuzzer
+TEST_PACKAGES+=(iproute2)              # machines behind bad links
 
 say() { printf '%s\n' "$*" >&2; }
 

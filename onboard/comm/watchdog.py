@@ -2,6 +2,9 @@
 
 A module is sound while its Zenoh token is up (its process runs), its status is fresh and its beats advance (its own
 loop runs), and it says that it is ready. The first fault revokes; all sound for WATCHDOG_CLEAR_S grants again.
+
+The specification's Watch Dog Timer: `fault_of` is what its `trigger_timer` asks, and its `interrupt` is the permit that
+`Comm` withdraws, since whoever holds none stands.
 """
 
 from __future__ import annotations

@@ -24,10 +24,15 @@ ROOT = Path(__file__).resolve().parents[2]
 STAND_IN = Path(__file__).with_name("stand_in.py")
 
 
-def free_endpoint() -> str:
+def free_port(host: str = "127.0.0.1") -> int:
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        probe.bind((host, 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def free_endpoint(host: str = "127.0.0.1") -> str:
+    return f"tcp/{host}:{free_port(host)}"
 
 
 def until(condition: Callable[[], object], deadline_s: float = 10.0, what: object = "the condition") -> None:
@@ -44,10 +49,11 @@ def environment() -> dict[str, str]:
 class Mesh:
     """Processes by name, and a bus that watches them."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
+        """`host`: this machine's address on the link over which the robot is reached."""
         self.folder = folder
         self.config = Config(
-            mesh=MeshSection(router=free_endpoint(), laptop_router=free_endpoint()),
+            mesh=MeshSection(router=free_endpoint(host), laptop_router=free_endpoint()),
             bridge=BridgeSection(serial_port=str(folder / "serial")),
         )
         self.config_file = folder / "robot.toml"
@@ -64,13 +70,20 @@ class Mesh:
             self._bus.latest(ODOMETRY)
         return self._bus
 
-    def start(self, name: str, *command: str, extra: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
-        """A process of the mesh; without a command, its stand-in (comm: itself)."""
+    def start(
+        self, name: str, *command: str, extra: tuple[str, ...] = (), inside: tuple[str, ...] = ()
+    ) -> subprocess.Popen[bytes]:
+        """A process of the mesh; without a command, its stand-in (comm: itself). `inside`: words before it all."""
         program = command or (("-m", "onboard.comm") if name == "comm" else (str(STAND_IN), name))
-        arguments = [sys.executable, *program, "--config", str(self.config_file), "--log-dir", str(self.folder), *extra]
+        arguments = [sys.executable, *program, "--config", str(self.config_file), "--log-dir", str(self.folder)]
         with (self.folder / f"{name}.stdout").open("ab") as stdout:
             process = subprocess.Popen(
-                arguments, env=environment(), cwd=ROOT, start_new_session=True, stdout=stdout, stderr=subprocess.PIPE
+                [*inside, *arguments, *extra],
+                env=environment(),
+                cwd=ROOT,
+                start_new_session=True,
+                stdout=stdout,
+                stderr=subprocess.PIPE,
             )
         self.processes[name] = process
         return process

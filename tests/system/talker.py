@@ -1,7 +1,8 @@
 """A module that talks as the robot's modules do, and tells at its end what it said: `talker.py NAME --config FILE`.
 
 "mmu" says pose and status ten times a second and now and then a piece of map; "poi" a status, now and then a finding
-with a photo. In `<name>.said` of its log folder: [topic, boot id, newest sequence number] of everything it published.
+with a photo. In `<name>.said` of its log folder: [topic, boot id, newest sequence number] of everything it published;
+in `<name>.map.npy` the wall points.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from common.status import StatusReporter
 from common.zenoh_bus import ZenohBus
 
 PHOTO_BYTES = 80_000
+CORRECTED_EVERY = 20  # wall points
 
 
 class Talker:
@@ -31,6 +33,7 @@ class Talker:
         self._folder = folder
         self._status = StatusReporter(name)
         self._steps = 0
+        self._map_m: list[tuple[float, float]] = []
         self._bus: ZenohBus | None = None
 
     def step(self, bus: Bus, now_s: float) -> None:
@@ -40,8 +43,7 @@ class Talker:
         if self.name == "mmu":
             bus.publish(POSE, PoseEstimate(now_s, 0.1 * self._steps, 0.0, 0.0, 0.0, 0.1, 0.1, 1))
             if self._steps % 5 == 0:
-                point_m = np.array([[self._steps, 1.0]], np.float32)
-                bus.publish(MAP, MapUpdate(now_s, 1, self._steps // 5, point_m, np.zeros(1, np.uint8)))
+                self._tell_map(bus, now_s)
         elif self._steps % 10 == 0:
             number = self._steps // 10
             photo = bytes([number % 256]) * PHOTO_BYTES
@@ -50,9 +52,20 @@ class Talker:
             )
         self._steps += 1
 
+    def _tell_map(self, bus: Bus, now_s: float) -> None:
+        """One point more; now and then the whole map is corrected."""
+        start = len(self._map_m)
+        revision = 1 + start // CORRECTED_EVERY
+        if start % CORRECTED_EVERY == 0:
+            start, self._map_m = 0, [(x_m, float(revision)) for x_m, _ in self._map_m]
+        self._map_m.append((float(self._steps), float(revision)))
+        points_m = np.array(self._map_m[start:], np.float32)
+        bus.publish(MAP, MapUpdate(now_s, revision, start, points_m, np.zeros(len(points_m), np.uint8)))
+
     def close(self) -> None:
         if self._bus is None:
             return
+        np.save(self._folder / f"{self.name}.map.npy", np.array(self._map_m, np.float32).reshape(-1, 2))
         said = [[*source, newest] for source, newest in self._bus.published().items()]
         (self._folder / f"{self.name}.said").write_text(json.dumps(said), encoding="utf-8")
 

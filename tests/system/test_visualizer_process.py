@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -11,14 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from websockets.sync.client import connect
 
 from common.clock import FreeClock
 from common.config import VisualizerSection, config_text
 from common.messages import MAP, POSE, STATUS, MapUpdate, PoseEstimate
 from common.zenoh_bus import ZenohBus
 from offboard.recorder import run_folder
-from tests.system.conftest import Mesh, free_endpoint, until
+from tests.system.conftest import Mesh, free_port, until
+from tests.system.page import frames
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -27,7 +26,7 @@ DOOR: dict[str, Any] = {"poi_id": 4, "name": "Door", "x_m": 1.0, "y_m": 2.0, "nu
 
 @pytest.fixture
 def port(mesh: Mesh) -> int:
-    found = int(free_endpoint().rsplit(":", 1)[1])
+    found = free_port()
     config = dataclasses.replace(mesh.config, visualizer=VisualizerSection(port=found))
     mesh.config_file.write_text(config_text(config), encoding="utf-8")
     return found
@@ -52,21 +51,13 @@ def read_until(port: int, complete: Callable[[dict[str, Any]], bool], say: Calla
     end_s = time.monotonic() + 20.0
     while time.monotonic() < end_s:
         say()
-        try:
-            page = connect(f"ws://127.0.0.1:{port}/live", open_timeout=2, close_timeout=0.2)
-        except OSError:
-            time.sleep(0.05)
-            continue
-        with page:
-            while time.monotonic() < end_s:
-                say()
-                message = page.recv(timeout=5)
-                if isinstance(message, bytes):
-                    message = message[4 : 4 + int.from_bytes(message[:4], "little")].decode()
-                frame = json.loads(message)
-                heard[frame["channel"]] = frame
-                if complete(heard):
-                    return heard
+        for frame, _ in frames("127.0.0.1", port):
+            say()
+            heard[frame["channel"]] = frame
+            if complete(heard):
+                return heard
+            if time.monotonic() > end_s:
+                break
     pytest.fail(f"the page heard only {heard}")
 
 

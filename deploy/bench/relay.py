@@ -1,4 +1,4 @@
-"""A TCP relay in place of a Wi-Fi link: it can be cut, fall silent, and be slow."""
+"""A TCP relay in place of a Wi-Fi link, for benchmarks and tests: it can be cut, fall silent, be slow and be late."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ import threading
 import time
 from contextlib import suppress
 
-_CHUNK_BYTES = 16_384
+_CHUNK_BYTES = 4096  # 2 ms of a link of 2 MB/s: as long as one connection makes another one wait
 
 
 class Relay:
-    """Listens on `endpoint` and passes on to `target` (both `tcp/host:port`)."""
+    """Listens on `endpoint` and passes on to `target` (both `tcp/host:port`).
 
-    def __init__(self, target: str) -> None:
+    `rate_bytes_s` is what the link carries, both ways and all connections together, by turns; 0 is no limit.
+    """
+
+    def __init__(self, target: str, rate_bytes_s: float = 0.0) -> None:
         self._target = _address(target)
         self._server = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
         self.delay_s = 0.0
+        self.rate_bytes_s = rate_bytes_s
+        self.carried_bytes = 0
+        self._free_s = 0.0  # when the link has carried what was taken so far
+        self._turn = threading.Lock()
         self._up = threading.Event()
         self._up.set()
         self._sockets: list[socket.socket] = []
@@ -62,6 +69,7 @@ class Relay:
         def read() -> None:
             with suppress(OSError):
                 while data := source.recv(_CHUNK_BYTES):
+                    self._carry(len(data))
                     late.put((time.monotonic() + self.delay_s, data))
             late.put((0.0, b""))
 
@@ -74,6 +82,16 @@ class Relay:
         for end in (source, sink):
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
+
+    def _carry(self, count: int) -> None:
+        """Returns when the link has carried so many bytes more; whoever asks first has the first turn."""
+        with self._turn:
+            self.carried_bytes += count
+            if not self.rate_bytes_s:
+                return
+            self._free_s = max(self._free_s, time.monotonic()) + count / self.rate_bytes_s
+            done_s = self._free_s
+        time.sleep(max(0.0, done_s - time.monotonic()))
 
 
 def _address(endpoint: str) -> tuple[str, int]:
