@@ -61,11 +61,8 @@ _PRIORITY = {
     Stance.STATE: zenoh.Priority.DATA_LOW,
     Stance.BULK: zenoh.Priority.BACKGROUND,
 }
-# Only what must not be lost may make its sender wait, and then no longer than the lease
-_CONGESTION = {
-    stance: zenoh.CongestionControl.BLOCK if stance is Stance.EVENT else zenoh.CongestionControl.DROP
-    for stance in Stance
-}
+# Nobody waits for a full link, or the robot would stand for it: what is recorded and was dropped is asked for again
+_CONGESTION = zenoh.CongestionControl.DROP
 
 
 @dataclass(slots=True)
@@ -272,7 +269,7 @@ class ZenohBus:
 
     def _declare(self, topic: Topic[Any]) -> _Outbox:
         publisher = self._session_for(topic).declare_publisher(
-            self._key(topic), priority=_PRIORITY[topic.stance], congestion_control=_CONGESTION[topic.stance]
+            self._key(topic), priority=_PRIORITY[topic.stance], congestion_control=_CONGESTION
         )
         outbox = _Outbox(publisher)
         if topic.recorded or topic.stance is Stance.STATE:
