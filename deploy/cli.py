@@ -8,6 +8,7 @@ from typing import NoReturn
 
 from common.errors import StartError
 from deploy import (
+    bench_verb,
     board_verbs,
     calibrate_verb,
     deploy_verbs,
@@ -40,6 +41,7 @@ def build_parser() -> argparse.ArgumentParser:
         board_verbs,
         calibrate_verb,
         deploy_verbs,
+        bench_verb,
     ):
         family.add_verbs(verbs)
     return parser

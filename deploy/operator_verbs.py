@@ -62,7 +62,7 @@ def _wait(condition: Callable[[], bool], timeout_s: float) -> bool:
     return True
 
 
-def _sent_until_confirmed(bus: ZenohBus, control: StopControl) -> StopControl:
+def sent_until_confirmed(bus: ZenohBus, control: StopControl) -> StopControl:
     """Sends what is demanded until the robot confirms or CONFIRM_TIMEOUT_S are over; returns what is left."""
     next_s = 0.0
 
@@ -83,7 +83,7 @@ def _sent_until_confirmed(bus: ZenohBus, control: StopControl) -> StopControl:
 def _estop(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
-        control = _sent_until_confirmed(bus, StopControl(Demand.STOP, time.monotonic()))
+        control = sent_until_confirmed(bus, StopControl(Demand.STOP, time.monotonic()))
         if control.latency_s is not None:
             latency_ms = 1000 * control.latency_s
             print(f"Stopped: the stop is latched and the wheels stand still, confirmed in {latency_ms:.0f} ms.")
@@ -112,7 +112,7 @@ def _release(arguments: argparse.Namespace) -> int:
         if hindrance:
             print(hindrance, file=sys.stderr)
             return 1
-        control = _sent_until_confirmed(bus, StopControl(Demand.RELEASE, now_s))
+        control = sent_until_confirmed(bus, StopControl(Demand.RELEASE, now_s))
         if control.demand is Demand.RELEASE or control.release_failed:
             print("The robot did not confirm the release.", file=sys.stderr)
             return 1
@@ -130,7 +130,7 @@ def _operation(arguments: argparse.Namespace) -> int:
         x_m, y_m = _place(bus, arguments) if arguments.verb == "goto" else (0.0, 0.0)
         command_id = operations.new_command_id(secrets.randbits)
         command = OperatorCommand(time.monotonic(), Operation(arguments.verb), x_m, y_m, command_id=command_id)
-        answer = _repeat(bus, PendingOperation(command, time.monotonic()))
+        answer = repeated_until_taken(bus, PendingOperation(command, time.monotonic()))
         permit = bus.latest(PERMIT)
         sources = permit.stop_sources if permit is not None else ()
         sentence = operations.result_sentence(arguments.verb, answer, sources)
@@ -140,7 +140,8 @@ def _operation(arguments: argparse.Namespace) -> int:
         bus.close()
 
 
-def _repeat(bus: ZenohBus, pending: PendingOperation) -> Answer:
+def repeated_until_taken(bus: ZenohBus, pending: PendingOperation) -> Answer:
+    """Sends the command until the planner has taken it, or nobody has answered for long."""
     answer, next_s = Answer.WAITING, 0.0
     bus.latest(PERMIT)
     while answer is Answer.WAITING:

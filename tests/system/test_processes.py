@@ -57,6 +57,7 @@ def test_a_missing_serial_port_is_one_sentence_and_exit_code_2(mesh: Mesh) -> No
         (("local", "--speed", "fast"), "--speed"),
         (("node", "nobody"), "no process nobody"),
         (("dance",), "dance"),
+        (("bench", "everything"), "no benchmark everything"),
         (("goto", "3,kitchen"), "X,Y"),
         (("deploy", "keys", "--to", "keys", "--machine", "cat=10.0.0.2"), "NAME=HOST_OR_IP"),
         (("start", "--config", "missing.toml"), "missing.toml cannot be read"),

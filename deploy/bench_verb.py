@@ -1,0 +1,41 @@
+"""Verb `bench`: figures of this machine. They are printed and judged by nobody; what must hold, tests assert."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+from common.errors import StartError
+from deploy.bench.machine import machine
+
+# Name -> what it measures, and the function that does: bench(quick) prints its figures
+BENCHES = {
+    "bus": ("our bus against bare Zenoh: latency, processor", "deploy.bench.bus_overhead"),
+    "stop": ("software stop, command to wheels off, on an idle and on a full link", "deploy.bench.stop_latency"),
+    "firmware": ("what the firmware costs on the Mega, in simavr", "offboard.simulator.firmware_cost"),
+}
+
+
+def add_verbs(verbs: Any) -> None:
+    names = "; ".join(f"{name}: {what}" for name, (what, _) in BENCHES.items())
+    bench = verbs.add_parser("bench", help="measure this machine", epilog=names)
+    bench.add_argument("name", nargs="*", metavar="NAME", help=f"{', '.join(BENCHES)} (all)")
+    bench.add_argument("--quick", action="store_true", help="fewer repetitions")
+    bench.set_defaults(run=_bench)
+
+
+def _bench(arguments: argparse.Namespace) -> int:
+    names = arguments.name or list(BENCHES)
+    for name in names:
+        if name not in BENCHES:
+            raise StartError(f"There is no benchmark {name}; the benchmarks are {', '.join(BENCHES)}.")
+    print(machine(), flush=True)
+    for name in names:
+        what, module = BENCHES[name]
+        print(f"\n{name}: {what}", flush=True)
+        # Here, because each loads half of the project
+        bench: Callable[[bool], None] = importlib.import_module(module).bench
+        bench(arguments.quick)
+    return 0
