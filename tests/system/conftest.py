@@ -92,11 +92,11 @@ class Mesh:
         """comm and stand-ins for the rest, until the permit is there."""
         for name in ("comm", "bridge", "mmu", "planner"):
             self.start(name)
-        _ = self.bus
         until(lambda: self.granted, 20.0, "a permit")
 
     @property
     def granted(self) -> bool:
+        _ = self.bus  # which listens from its first use on
         return bool(self.permits) and self.permits[-1][1].granted
 
     @property

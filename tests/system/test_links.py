@@ -57,7 +57,6 @@ def watched(mesh: Mesh, span_s: float) -> None:
 @pytest.mark.requirement("CM_MR_01")
 def test_a_link_that_loses_packets_and_then_is_late_leaves_no_hole_and_no_double(mesh: Mesh, radio: Radio) -> None:
     recording = Recording(mesh, inside=radio.enter)
-    _ = mesh.bus
     radio.loss = 0.2
     watched(mesh, 5.0)
     radio.loss, radio.delay_s = 0.0, 0.2
@@ -85,7 +84,6 @@ def test_a_link_that_flaps_every_three_seconds_leaves_no_hole_and_the_page_shows
 ) -> None:
     recording = Recording(mesh, inside=radio.enter)
     port = start_page(mesh, radio, recording)
-    _ = mesh.bus
     for _ in range(8):
         radio.up = not radio.up
         watched(mesh, 3.0)
