@@ -20,12 +20,13 @@ import numpy.typing as npt
 
 from common.bus import Bus
 from common.config import config_text
-from common.messages import MAP, MapUpdate
+from common.messages import MAP, ROBOT_RECORDED, MapUpdate
 from offboard.recorder.map_assembly import MapAssembly
 from offboard.recorder.run_database import RunReader
 from tests.system.conftest import Mesh, until
 
 TALKER = Path(__file__).with_name("talker.py")
+RECORDED = frozenset(topic.key for topic in ROBOT_RECORDED)
 Said = dict[tuple[str, int], int]  # topic and boot id -> newest sequence number
 Points = npt.NDArray[np.float32]  # (N, 2)
 
@@ -117,7 +118,7 @@ class Recording:
         said: Said = {}
         for name in ("mmu", "poi"):
             text = (self.mesh.folder / f"{name}.said").read_text(encoding="utf-8")
-            said |= {(topic, boot_id): newest for topic, boot_id, newest in json.loads(text)}
+            said |= {(topic, boot_id): newest for topic, boot_id, newest in json.loads(text) if topic in RECORDED}
         return said
 
     def silence(self, deadline_s: float = 40.0) -> Said:
@@ -126,7 +127,7 @@ class Recording:
             self.mesh.processes[name].send_signal(signal.SIGTERM)
             assert self.mesh.processes[name].wait(10.0) == 0
         said = self.said()
-        until(lambda: self.missing(said) == {}, deadline_s, f"the rest in the database: {self.missing(said)}")
+        until(lambda: self.missing(said) == {}, deadline_s, "the rest in the database")
         return said
 
     def missing(self, said: Said) -> dict[tuple[str, int], int]:
