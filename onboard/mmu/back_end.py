@@ -191,8 +191,7 @@ class BackEnd:
 
     def _rest(self, before: int) -> None:
         if len(self._graph.edges) > before and self._graph.strain(before) > STRAIN_MAX:
-            # Wheels alone bend the whole of what they drove: its direction is worth less than the first heading
-            self._graph.optimise(keep_direction=self._errors is not WHEELS_ALONE)
+            self._graph.optimise()
         for edge in self._graph.edges[before:]:
             if edge.kind is Kind.LOOP and self._graph.chi2(edge) < ADOPTED_CHI2:
                 self._tied_m = self._way_m

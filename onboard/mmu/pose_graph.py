@@ -4,7 +4,7 @@ Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's slo
 longer than the wheels say, how much it turns away per radian turned, and per metre, which wanders (a gyro's bias does)
 and so has a value for every few metres. Ties to walls carry robust weights (dynamic covariance scaling, Agarwal et al.
 2013), so that a wrong one loses its pull instead of bending the map, and gets it back should the graph come to agree
-with it. Node 0 stays in its place.
+with it. Node 0 stays in its place, the map as a whole keeps its direction.
 """
 
 from __future__ import annotations
@@ -105,11 +105,8 @@ class PoseGraph:
         """The largest chi squared among the edges from the `start`-th on."""
         return max((self.chi2(edge) for edge in self.edges[start:] if edge.kind is not Kind.ODOMETRY), default=0.0)
 
-    def optimise(self, keep_direction: bool = True) -> float:
-        """Bring all poses to rest; returns the largest move of a node in metres.
-
-        `keep_direction`: of the map as a whole (`_turned_least`); else node 0 keeps its heading.
-        """
+    def optimise(self) -> float:
+        """Bring all poses to rest; returns the largest move of a node in metres."""
         if len(self._poses) < 2 or not self.edges:
             return 0.0
         before = self.poses
@@ -124,9 +121,7 @@ class PoseGraph:
             if np.abs(step).max() < AT_REST and phi == DCS_PHI:
                 break
             phi = max(phi / EASING, DCS_PHI)
-        poses[:, 2] = wrap_angles(poses[:, 2])
-        if keep_direction:
-            poses = _turned_least(poses, before)
+        poses = _turned_least(poses, before)
         self._poses, self.slow = list(poses), slow
         return float(np.hypot(*(poses - before)[:, :2].T).max())
 
