@@ -32,6 +32,7 @@ REQUIREMENTS = tuple(
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--requirements", action="store_true", help="print requirement -> tests, run nothing")
+    parser.addoption("--mission-minutes", type=float, default=60.0, help="length of the slow test of a whole hour (60)")
 
 
 def shown_by(items: Iterable[pytest.Item]) -> dict[str, list[str]]:

@@ -14,7 +14,7 @@ from common.bus import Bus
 from common.messages import ODOMETRY, PERMIT, StopRequest
 
 SOURCE = "operator"
-REPEAT_S = 0.05
+REPEAT_S = 0.02  # the first word of a program that has just joined may get lost
 LINK_LOST_S = 1.0
 RELEASE_TIMEOUT_S = 5.0
 
