@@ -3,7 +3,7 @@
 
 ROOT="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 PYTHON="$ROOT/.venv/bin/python"
-DEBIAN_PACKAGES=(g++ libegl1 libgl1-mesa-dri)
+DEBIAN_PACKAGES=(g++ libegl1 libopengl0 libgl1-mesa-dri)
 # A browser for the page; the firmware's build for the Mega, and simavr to run it (`simulate --board avr`)
 TEST_PACKAGES=(chromium make gcc-avr avr-libc arduino-core-avr arduino-builder libsimavr-dev libelf-dev)
 TEST_PACKAGES+=(clang libclang-rt-dev) # the fuzzer

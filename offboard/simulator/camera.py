@@ -29,7 +29,15 @@ _DARK_CELL_M, _DARK_SHARE, _DARKNESS = 8.0, 0.3, 0.35
 _MAX_GEOMS = 4000
 _LIBRARIES = (("egl", "EGL"), ("osmesa", "OSMesa"), ("glfw", "glfw"))
 # What the backends raise without a display or with a half-installed library
-_BACKEND_ERRORS = (ImportError, AttributeError, TypeError, RuntimeError, OSError, mujoco.FatalError)
+_BACKEND_ERRORS = (
+    ImportError,
+    AttributeError,
+    TypeError,
+    RuntimeError,
+    OSError,
+    ctypes.ArgumentError,
+    mujoco.FatalError,
+)
 _EMPTY_MODEL = mujoco.MjModel.from_xml_string("<mujoco/>")
 
 _PROFILE_OF_MODE = {"clean": "none", "realistic": "realistic", "hard": "harsh"}
@@ -55,7 +63,7 @@ def open_gl_context(width_px: int, height_px: int) -> Any:
         except _BACKEND_ERRORS:
             os.environ.pop("PYOPENGL_PLATFORM", None)
     raise CameraUnavailable(
-        "No camera frames without an OpenGL library: run 'apt install libegl1 libgl1-mesa-dri', or use --camera off."
+        "No camera frames without an OpenGL library: run 'apt install libegl1 libopengl0 libgl1-mesa-dri', or use --camera off."
     )
 
 

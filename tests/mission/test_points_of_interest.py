@@ -18,7 +18,7 @@ Tell = Callable[..., Story]
 def found(story: Story, seconds: float) -> tuple[dict[int, PointOfInterest], PoseEstimate | None]:
     """The records after so much driving, and where it ended."""
     if story.robot.simulation.camera is None:
-        pytest.skip("no OpenGL library: apt install libegl1 libgl1-mesa-dri")
+        pytest.skip("no OpenGL library: apt install libegl1 libopengl0 libgl1-mesa-dri")
     pytest.importorskip("rapidocr")
     operator = story.robot.operator
     operator.take(POI)

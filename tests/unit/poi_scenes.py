@@ -80,7 +80,7 @@ def looking_at(floor: dict[str, Any], camera: str = "realistic") -> Iterator[Sim
         pytest.skip(str(error))
     with Simulation(parse_floor(floor, "floor of a test"), board, camera=camera) as simulation:
         if simulation.camera is None:
-            pytest.skip("no OpenGL library: apt install libegl1 libgl1-mesa-dri")
+            pytest.skip("no OpenGL library: apt install libegl1 libopengl0 libgl1-mesa-dri")
         yield simulation
 
 
