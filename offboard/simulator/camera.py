@@ -63,7 +63,8 @@ def open_gl_context(width_px: int, height_px: int) -> Any:
         except _BACKEND_ERRORS:
             os.environ.pop("PYOPENGL_PLATFORM", None)
     raise CameraUnavailable(
-        "No camera frames without an OpenGL library: run 'apt install libegl1 libopengl0 libgl1-mesa-dri', or use --camera off."
+        "No camera frames without an OpenGL library: run 'apt install libegl1 libopengl0 libgl1-mesa-dri', "
+        "or use --camera off."
     )
 
 

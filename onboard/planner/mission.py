@@ -162,6 +162,7 @@ class Mission:
             if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._obstructions = 0
                 self._give_way_up(view)
+                self._look(view.pose.heading_rad, view.now_s)
         self.way = []
         self._grid_seen = -1
 

@@ -238,3 +238,18 @@ def test_a_robot_that_stands_askew_in_a_hall_turns_along_it_before_it_goes_on() 
     while drive.step().speed is Speed.STOP:
         pass
     assert abs(drive.pose.heading_rad) < radians(5.0)
+
+
+def test_a_wall_that_cannot_be_reached_is_given_up_and_not_tried_for_ever() -> None:
+    """Something that no map shows stands beside the way, next to every place where it wants to stand."""
+    drive = Drive(closed_hall(), Pose2(0.0, 0.0, 0.0))
+    drive.mission = Mission(images_walls=True)
+    drive.mission.start(drive.pose, drive.now_s)
+    began_s = drive.now_s
+    while drive.mission.mode is not Mode.HOME:
+        drive.step()
+        way = drive.mission.way
+        if drive.mission.mode is Mode.IMAGE and way and drive.pose.distance_m(Pose2(*way[-1], 0.0)) < 0.5:
+            drive.mission.blocked(drive.view(), radians(-80.0))
+            drive.pose = drive.pose.compose(Pose2(-0.2, 0.0, 0.0))
+        assert drive.now_s - began_s < 600.0
