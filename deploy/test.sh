@@ -17,5 +17,5 @@ if [ "$#" -gt 0 ]; then
     exec "$PYTHON" -m pytest "$@"
 fi
 # Tests of real processes assert latencies: those have the machine to themselves
-"$PYTHON" -m pytest -n auto --dist loadfile --ignore tests/system --ignore tests/browser
-exec "$PYTHON" -m pytest tests/system tests/browser
+"$PYTHON" -m pytest -n auto --dist loadfile --ignore tests/system
+exec "$PYTHON" -m pytest tests/system
