@@ -8,7 +8,7 @@ import numpy as np
 
 from offboard.recorder.run_folder import MapData
 
-MARGIN_M = 1.0
+MARGIN_M = 2.0  # room for the number of a door in an outer wall
 FOOT_M = 2.2  # room for the scale bar under the map
 
 

@@ -256,7 +256,7 @@ class TestPointsOfInterest:
 
 
 def watched_empty_map() -> dict[str, Any]:
-    return {"channel": "map", "body": b"", "start": 0, "count": 0, "base": [-1, -3]}
+    return {"channel": "map", "body": b"", "start": 0, "count": 0, "base": [-2, -3]}
 
 
 def entry(poi_id: int, photo: str = "", t_s: float = 1.0) -> dict[str, Any]:
