@@ -21,6 +21,7 @@ from common.geometry import FloatArray, Points, Pose2, RightAngles, wrap_angle
 from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, in_map
 from onboard.mmu.pose_graph import LENGTH, TURN, WALLS, DriftPrior, Edge, Kind, PoseGraph
 from onboard.mmu.scan_matching import Match, register
+from onboard.mmu.wall_bend import bend
 from onboard.mmu.walls import WallPiece, continuation, fit_piece
 
 NEAR_M = 1.5  # of way: the stretch that is registered onto what came before
@@ -30,10 +31,12 @@ NEAR_POINTS_MIN = 10
 NEAR_OVERLAP_MIN = 0.3
 NEAR_RMS_MAX_M = 0.07
 NEAR_SD_M = 0.03
-NEAR_SD_RAD = radians(0.5)
+NEAR_SD_RAD = radians(1.0)
 BENDS_KEPT = 8
-BEND_SD_RAD = radians(1.0)  # of a near match, beyond what its own information says
-BEND_SIGMAS = 6.0  # near matches that together turn away from odometry by so much: no gyro leads it
+BEND_WAY_M = 5.0
+BENDS_MIN = 2
+BEND_SD_RAD_PER_M = radians(1.0)  # of one: niches and corners turn
+BEND_SIGMAS = 5.0  # walls that together turn by so much: no gyro leads odometry
 MATCH_EVERY_M = 1.0
 RECENT_M = 5.0  # of way that is matched as one
 LOOP_GAP_M = 12.0  # of way before a place counts as visited before
@@ -107,7 +110,7 @@ GYRO_LED = OdometryErrors(
 )
 UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01, LENGTH_SD))
 WHEELS_ALONE = OdometryErrors(
-    radians(0.25), 0.01, DriftPrior(radians(2.0), radians(0.03), 0.03, LENGTH_SD), 0.05, 0.006
+    radians(1.5), 0.03, DriftPrior(radians(2.0), radians(0.1), 0.03, LENGTH_SD), 0.05, 0.006
 )
 
 
@@ -116,8 +119,9 @@ class BackEnd:
     gyro_led: bool = True  # false: it is not known, and found out from the walls
     closures: int = 0
     _errors: OdometryErrors = field(init=False)
-    _bends: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # rad/m, weight
-    _near: deque[Edge] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # ties not made
+    _bends: deque[float] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # of walls, rad/m
+    _bent_m: float = 0.0
+    _near: deque[Edge] = field(default_factory=lambda: deque(maxlen=2 * BENDS_KEPT))  # ties not made
     _graph: PoseGraph = field(init=False)
     _frames: list[KeyFrame] = field(default_factory=list)
     _ways_m: list[float] = field(default_factory=list)
@@ -179,7 +183,11 @@ class BackEnd:
         """Look for ties of the recent stretch to what is known, and let the graph come to rest."""
         if not self.gyro_led:
             before = len(self._graph.edges)
-            self._tie_near()
+            self._tie_bend()
+            if self._errors is WHEELS_ALONE:
+                self._tie_near()
+                self._graph.edges.extend(self._near)
+                self._near.clear()
             self._rest(before)
         if self._way_m - self._matched_m < MATCH_EVERY_M:
             return
@@ -191,10 +199,31 @@ class BackEnd:
 
     def _rest(self, before: int) -> None:
         if len(self._graph.edges) > before and self._graph.strain(before) > STRAIN_MAX:
-            self._graph.optimise()
+            self._graph.optimise(before)
         for edge in self._graph.edges[before:]:
             if edge.kind is Kind.LOOP and self._graph.chi2(edge) < ADOPTED_CHI2:
                 self._tied_m = self._way_m
+
+    def _tie_bend(self) -> None:
+        """The newest stretch turned as the walls beside it seem to, the other way round."""
+        if self._way_m - self._bent_m < BEND_WAY_M:
+            return
+        rows = self._echoes.stretch(self._bent_m, self._way_m)
+        first = int(np.searchsorted(self._ways_m, self._bent_m))
+        node, self._bent_m = len(self._frames) - 1, self._way_m
+        raw_rad = np.array([f.odom.heading_rad - f.calibrated_rad for f in self._frames])
+        bend_rad_per_m = bend(rows[:, 1], rows[:, 4] + raw_rad[rows[:, 0].astype(int)])
+        if bend_rad_per_m is None:
+            return
+        way_m = self._ways_m[node] - self._ways_m[first]
+        here = self._graph.pose(first).between(self._graph.pose(node))
+        turned_rad = wrap_angle(raw_rad[node] - raw_rad[first] - bend_rad_per_m * way_m)
+        information = np.diag([0.0, 0.0, (BEND_SD_RAD_PER_M * way_m) ** -2])
+        self._near.append(Edge(first, node, Pose2(here.x_m, here.y_m, turned_rad), information, Kind.NEAR))
+        self._bends.append(bend_rad_per_m)
+        enough = len(self._bends) >= BENDS_MIN
+        if enough and abs(sum(self._bends)) > BEND_SIGMAS * BEND_SD_RAD_PER_M * len(self._bends) ** 0.5:
+            self._distrust_odometry()
 
     def _tie_near(self) -> None:
         """Register the newest stretch onto the one before it."""
@@ -211,19 +240,12 @@ class BackEnd:
         anchor = int(np.searchsorted(np.array(self._ways_m), self._way_m - NEAR_M - NEAR_GAP_M - 1.0))
         if anchor >= node:
             return
-        gap_m = self._ways_m[node] - self._ways_m[anchor]
-        self._bends.append(
-            (match.correction.heading_rad / gap_m, gap_m**2 / (1.0 / match.information[2, 2] + BEND_SD_RAD**2))
-        )
-        if self._errors is not WHEELS_ALONE and _significance(self._bends) > BEND_SIGMAS:
-            self._distrust_odometry()
         self._near.append(self._tie_of(anchor, node, match, poses, Kind.NEAR, NEAR_SD_M, NEAR_SD_RAD))
-        if self._errors is WHEELS_ALONE:
-            self._graph.edges.extend(self._near)
-            self._near.clear()
 
     def _distrust_odometry(self) -> None:
         """Its heading is not led by a gyro: walls seen a moment ago know better."""
+        if self._errors is WHEELS_ALONE:
+            return
         self._errors = WHEELS_ALONE
         self._graph.prior = WHEELS_ALONE.drift
         self._graph.edges = [
@@ -403,12 +425,6 @@ class BackEnd:
             return
         self.closures += 1
         self._graph.edges.append(self._tie_of(node, mine, match, poses, Kind.LOOP, LOOP_SD_M, LOOP_SD_RAD))
-
-
-def _significance(bends: Sequence[tuple[float, float]]) -> float:
-    """How many standard deviations the mean of (value, weight) lies off zero, once there are enough of them."""
-    weight = sum(w for _, w in bends)
-    return abs(sum(b * w for b, w in bends)) / weight**0.5 if len(bends) == BENDS_KEPT else 0.0
 
 
 def limited(information: FloatArray, sd_m: float, sd_rad: float) -> FloatArray:

@@ -105,22 +105,21 @@ class PoseGraph:
         """The largest chi squared among the edges from the `start`-th on."""
         return max((self.chi2(edge) for edge in self.edges[start:] if edge.kind is not Kind.ODOMETRY), default=0.0)
 
-    def optimise(self) -> float:
-        """Bring all poses to rest; returns the largest move of a node in metres."""
+    def optimise(self, since: int = 0) -> float:
+        """Bring all poses to rest; returns the largest move of a node in metres.
+
+        `since`: from which edge on a tie that stays strained may pull the graph over.
+        """
         if len(self._poses) < 2 or not self.edges:
             return 0.0
         before = self.poses
-        poses, slow = before.copy(), self.slow.copy()
-        system = _System(self.edges, len(poses), len(slow), self.prior)
-        # Graduated non-convexity (Yang et al. 2020): first everything pulls, then what stays strained lets go
-        phi = max(self.strain(0), DCS_PHI)
-        for _ in range(ITERATIONS):
-            step, slow_step = system.step(poses, slow, phi)
-            poses += step
-            slow += slow_step
-            if np.abs(step).max() < AT_REST and phi == DCS_PHI:
-                break
-            phi = max(phi / EASING, DCS_PHI)
+        system = _System(self.edges, len(before), len(self.slow), self.prior)
+        poses, slow = system.settle(before, self.slow, DCS_PHI)
+        if system.strain(poses, slow)[since:].max(initial=0.0) > DCS_PHI:
+            # Graduated non-convexity (Yang et al. 2020): first everything pulls, then what stays strained lets go
+            pulled = system.settle(before, self.slow, float(system.strain(before, self.slow).max()))
+            if system.cost(*pulled) < system.cost(poses, slow):
+                poses, slow = pulled
         poses = _turned_least(poses, before)
         self._poses, self.slow = list(poses), slow
         return float(np.hypot(*(poses - before)[:, :2].T).max())
@@ -147,10 +146,42 @@ class _System:
         for i in range(PER_M, slow - 1):
             self.prior[i : i + 2, i : i + 2] += step
 
-    def step(self, poses: FloatArray, slow: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
+    def settle(self, poses: FloatArray, slow: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
+        """At rest from these poses (K, 3) on; `phi`: the strain up to which ties pull fully, eased down to DCS_PHI."""
+        phi = max(phi, DCS_PHI)
+        for _ in range(ITERATIONS):
+            step, slow_step = self._step(poses, slow, phi)
+            poses, slow = poses + step, slow + slow_step
+            if np.abs(step).max() < AT_REST and phi == DCS_PHI:
+                break
+            phi = max(phi / EASING, DCS_PHI)
+        return poses, slow
+
+    def strain(self, poses: FloatArray, slow: FloatArray) -> FloatArray:
+        """Chi squared (E,) of every tie; zero for odometry."""
+        return np.where(self.kind == Kind.ODOMETRY.value, 0.0, self._chi2(self._linearise(poses, slow)[0]))
+
+    def cost(self, poses: FloatArray, slow: FloatArray) -> float:
+        """What is minimised: a tie that is not believed at all costs DCS_PHI."""
+        chi2 = self._chi2(self._linearise(poses, slow)[0])
+        scale = np.minimum(1.0, 2 * DCS_PHI / (DCS_PHI + chi2))
+        scaled = scale**2 * chi2 + DCS_PHI * (1.0 - scale) ** 2
+        milder = 2 * DCS_PHI * (np.sqrt(1.0 + chi2 / DCS_PHI) - 1.0)
+        return float(self._by_kind(chi2, milder, scaled).sum() + slow @ self.prior @ slow)
+
+    def _chi2(self, error: FloatArray) -> FloatArray:
+        return np.einsum("ei,eij,ej->e", error, self.information, error)
+
+    def _by_kind(self, driven: FloatArray, near: FloatArray, tie: FloatArray) -> FloatArray:
+        """Each edge's value (E,): of odometry, of a near tie, of any other tie."""
+        return np.where(
+            self.kind == Kind.ODOMETRY.value, driven, np.where(self.kind == Kind.NEAR.value, near, tie)
+        )
+
+    def _step(self, poses: FloatArray, slow: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
         """Moves of all poses (K, 3) and of what hardly changes."""
         error, ja, jb, jd = self._linearise(poses, slow)
-        chi2 = np.einsum("ei,eij,ej->e", error, self.information, error)
+        chi2 = self._chi2(error)
         weighted = self.information * self._trust(chi2, phi)[:, None, None]
         n = len(error)
         # Columns of an edge: its two nodes, then what hardly changes, at the end of the state
@@ -212,7 +243,7 @@ class _System:
     def _trust(self, chi2: FloatArray, phi: float) -> FloatArray:
         scaled = np.minimum(1.0, 2 * phi / (phi + chi2)) ** 2
         milder = 1.0 / np.sqrt(1.0 + chi2 / DCS_PHI)
-        return np.where(self.kind == Kind.ODOMETRY.value, 1.0, np.where(self.kind == Kind.NEAR.value, milder, scaled))
+        return self._by_kind(np.ones_like(chi2), milder, scaled)
 
 
 def _turned_least(poses: FloatArray, before: FloatArray) -> FloatArray:
