@@ -170,13 +170,12 @@ class _System:
         return float(self._by_kind(chi2, milder, scaled).sum() + slow @ self.prior @ slow)
 
     def _chi2(self, error: FloatArray) -> FloatArray:
-        return np.einsum("ei,eij,ej->e", error, self.information, error)
+        chi2: FloatArray = np.einsum("ei,eij,ej->e", error, self.information, error)
+        return chi2
 
     def _by_kind(self, driven: FloatArray, near: FloatArray, tie: FloatArray) -> FloatArray:
         """Each edge's value (E,): of odometry, of a near tie, of any other tie."""
-        return np.where(
-            self.kind == Kind.ODOMETRY.value, driven, np.where(self.kind == Kind.NEAR.value, near, tie)
-        )
+        return np.where(self.kind == Kind.ODOMETRY.value, driven, np.where(self.kind == Kind.NEAR.value, near, tie))
 
     def _step(self, poses: FloatArray, slow: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
         """Moves of all poses (K, 3) and of what hardly changes."""
