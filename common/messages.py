@@ -401,7 +401,7 @@ def _topic(
 OFFBOARD = "recorder visualizer command_center"
 
 ODOMETRY = _topic(
-    "bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu recorder command_center", "lfc_sim_mmu"
+    "bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner recorder command_center", "lfc_sim_mmu"
 )
 RANGES = _topic("bridge/ranges", Ranges, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner poi recorder", "lfc_sim_mmu")
 DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, Stance.LATEST, "planner recorder", "lfc_sim_pln")

@@ -1,12 +1,14 @@
 """A scripted drive along the centrelines of a floor, for mapping benchmarks: it stands in for the Planner.
 
 It knows the floor and the true pose, and only drives; of what it knows nothing reaches another module but drive
-commands. The way: every hall's middle at least once, the nearest one not yet driven first, then back to the start.
+commands. The way: every hall's middle at least once, the nearest one not yet driven first, then back to the start. Now
+and then it stands still for the gyro, as the Planner does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -31,6 +33,7 @@ from common.messages import (
 )
 from common.status import StatusReporter
 from offboard.simulator.floor import Floor
+from onboard.planner.gyro_rest import GyroRest
 
 CELL_M = 0.1
 MIDDLE_WEIGHT = 6.0  # how much dearer a metre is close to a wall
@@ -125,7 +128,8 @@ class RouteDriver:
         self._way = Middles(floor).way(np.array([pose.x_m, pose.y_m]))
         self._at = 0
         self._started = False
-        self._command_id = 0
+        self._commanded = DriveCommand(0.0, 0, Speed.MEDIUM, 0.0)
+        self._rest = GyroRest()
         self._view_due_s = 0.0
         self._status = StatusReporter(self.name)
 
@@ -139,11 +143,14 @@ class RouteDriver:
         if odometry is not None and alive_and_valid(bus, ODOMETRY):
             pose = self._true_pose()
             drives = self._started and permit is not None and permit.granted and not self.finished
-            goal = self._goal(pose) if drives else None
-            turn_rad = 0.0 if goal is None else pose.bearing_rad(*goal)
-            self._command_id += 1
-            speed = Speed.STOP if goal is None else Speed.MEDIUM
-            bus.publish(DRIVE, DriveCommand(now_s, self._command_id, speed, wrap_angle(odometry.yaw_rad + turn_rad)))
+            rests = self._rest.due(now_s, odometry.standing)
+            goal = self._goal(pose) if drives and not rests else None
+            if goal is not None or self._commanded.speed is not Speed.STOP:
+                turn_rad = 0.0 if goal is None else pose.bearing_rad(*goal)
+                speed = Speed.STOP if goal is None else Speed.MEDIUM
+                yaw_rad = wrap_angle(odometry.yaw_rad + turn_rad)
+                self._commanded = DriveCommand(now_s, self._commanded.command_id + 1, speed, yaw_rad)
+            bus.publish(DRIVE, replace(self._commanded, t_s=now_s))
         self._status.report(bus, now_s, state="ROUTE", error=ErrorCode.OK, ready=True)
         if now_s >= self._view_due_s:
             self._view_due_s = now_s + VIEW_PERIOD_S

@@ -18,6 +18,7 @@ from common.messages import (
     DRIVE,
     GRID,
     MAP,
+    ODOMETRY,
     OPERATION,
     PERMIT,
     PLAN,
@@ -37,6 +38,7 @@ from common.messages import (
 from common.status import StatusReporter
 from onboard.planner.emergency import Emergency, Phase, watch
 from onboard.planner.grid_map import GridMap
+from onboard.planner.gyro_rest import GyroRest
 from onboard.planner.mission import Mission, Mode, Motion, View
 from onboard.planner.poi_override import Override, after, speed
 
@@ -58,6 +60,7 @@ class Planner:
         self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
         self._emergency = Emergency()
+        self._rest = GyroRest()
         self._grid: GridMap | None = None
         self._grid_revision = -1
         self._points: Points = _NO_POINTS
@@ -150,8 +153,9 @@ class Planner:
         return ErrorCode.OK if permit is not None and permit.granted else ErrorCode.NO_PERMIT
 
     def _drive(self, bus: Bus, now_s: float, pose: PoseEstimate) -> None:
-        ranges, carrier = bus.latest(RANGES), bus.latest(CARRIER)
+        ranges, carrier, odometry = bus.latest(RANGES), bus.latest(CARRIER), bus.latest(ODOMETRY)
         assert ranges is not None
+        rests = self._rest.due(now_s, odometry is not None and odometry.standing)
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
         if self._grid is None or self._paused or backing:
             self._emergency = Emergency()
@@ -173,6 +177,8 @@ class Planner:
             motion = Motion(Speed.STOP, pose.heading_rad)
         elif self._emergency.phase is Phase.BACKING:
             motion = Motion(Speed.REVERSE, pose.heading_rad)
+        elif rests and abs(wrap_angle(motion.heading_rad - pose.heading_rad)) < TURN_ON_SPOT_RAD:
+            motion = Motion(Speed.STOP, motion.heading_rad)
         self._command(bus, now_s, motion, pose)
 
     def _view(self, now_s: float, pose: PoseEstimate) -> View:

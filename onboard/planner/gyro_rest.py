@@ -1,0 +1,30 @@
+"""Standing still now and then, so that the gyro's bias is measured anew.
+
+The bias of a cheap gyro wanders while the robot drives: without a rest its heading is off by half a degree after one
+minute and by several after five, and nothing but walls would tell.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+REST_EVERY_S = 45.0
+REST_S = 1.2  # of standing: a hundred samples of the gyro
+
+
+class GyroRest:
+    """To be asked in every step."""
+
+    def __init__(self) -> None:
+        self._rested_s = -inf
+        self._standing_since_s: float | None = None
+
+    def due(self, now_s: float, standing: bool) -> bool:
+        """Must the robot stand now? `standing`: by SIM's word, which measures the bias as long as that holds."""
+        if not standing:
+            self._standing_since_s = None
+        elif self._standing_since_s is None:
+            self._standing_since_s = now_s
+        elif now_s - self._standing_since_s >= REST_S:
+            self._rested_s = now_s
+        return now_s - self._rested_s > REST_EVERY_S
