@@ -6,17 +6,15 @@ minute and by several after five, and nothing but walls would tell.
 
 from __future__ import annotations
 
-from math import inf
-
 REST_EVERY_S = 45.0
 REST_S = 1.2  # of standing: a hundred samples of the gyro
 
 
 class GyroRest:
-    """To be asked in every step."""
+    """To be asked in every step. At the first one the board has just measured the bias, or it would not be ready."""
 
     def __init__(self) -> None:
-        self._rested_s = -inf
+        self._rested_s: float | None = None
         self._standing_since_s: float | None = None
 
     def due(self, now_s: float, standing: bool) -> bool:
@@ -25,6 +23,7 @@ class GyroRest:
             self._standing_since_s = None
         elif self._standing_since_s is None:
             self._standing_since_s = now_s
-        elif now_s - self._standing_since_s >= REST_S:
+        rested = self._standing_since_s is not None and now_s - self._standing_since_s >= REST_S
+        if rested or self._rested_s is None:
             self._rested_s = now_s
         return now_s - self._rested_s > REST_EVERY_S
