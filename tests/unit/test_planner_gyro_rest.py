@@ -7,7 +7,7 @@ from onboard.planner.gyro_rest import REST_EVERY_S, REST_S, GyroRest
 
 def rested(until_s: float) -> GyroRest:
     rest = GyroRest()
-    rest.due(until_s - REST_S, standing=True)
+    rest.due(until_s - REST_S - 0.1, standing=True)
     assert not rest.due(until_s, standing=True)
     return rest
 
@@ -25,7 +25,7 @@ def test_a_robot_that_drove_long_rests_until_it_has_stood_long_enough() -> None:
 def test_standing_for_any_other_reason_is_a_rest_too() -> None:
     rest = rested(10.0)
     rest.due(50.0, standing=True)
-    rest.due(50.0 + REST_S, standing=True)
+    rest.due(50.1 + REST_S, standing=True)
     assert not rest.due(50.0 + REST_EVERY_S, standing=False)
 
 
