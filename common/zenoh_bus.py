@@ -89,8 +89,8 @@ class _Outbox:
     publisher: Any
     sequence: int = 0
     lock: threading.Lock = field(default_factory=threading.Lock)
-    history: list[bytes] = field(default_factory=list)  # STATE: everything since the newest full snapshot
-    recent: RecentMessages = field(default_factory=RecentMessages)  # of a recorded topic
+    history: list[bytes] | None = None  # STATE: everything since the newest full snapshot
+    recent: RecentMessages | None = None  # of a recorded topic
     queryable: Any = None
 
 
@@ -153,18 +153,18 @@ class ZenohBus:
             outbox = self._outboxes[topic.key] = self._declare(topic)
         if self.gate.holds_back(topic, payload):
             return
-        outbox.sequence += 1
-        data = encode(payload, outbox.sequence, self._boot_id)
-        if topic.recorded:
-            with outbox.lock:
+        with outbox.lock:
+            outbox.sequence += 1
+            data = encode(payload, outbox.sequence, self._boot_id)
+            # First of all it is sent; who asks for what was kept waits for the lock
+            outbox.publisher.put(data, attachment=self.gate.seal(topic, payload, data))
+            if outbox.recent is not None:
                 outbox.recent.append(outbox.sequence, data)
-        if topic.stance is Stance.STATE:
-            with outbox.lock:
+            if outbox.history is not None:
                 # An increment (`MapUpdate.start` > 0) is worth nothing without what it goes on from
                 if not getattr(payload, "start", 0):
                     outbox.history.clear()
                 outbox.history.append(data)
-        outbox.publisher.put(data, attachment=self.gate.seal(topic, payload, data))
         if self.announced is not None and topic.consumers and topic.stance in (Stance.LATEST, Stance.COMMAND):
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
 
@@ -272,14 +272,15 @@ class ZenohBus:
             self._key(topic), priority=_PRIORITY[topic.stance], congestion_control=_CONGESTION
         )
         outbox = _Outbox(publisher)
-        if topic.recorded or topic.stance is Stance.STATE:
+        outbox.history = [] if topic.stance is Stance.STATE else None
+        outbox.recent = RecentMessages() if topic.recorded else None
+        if outbox.history is not None or outbox.recent is not None:
 
             def answer(query: zenoh.Query) -> None:
                 asked = query.payload
                 with outbox.lock:
-                    if asked is None:
-                        messages = outbox.history
-                    else:
+                    messages = outbox.history or []
+                    if asked is not None and outbox.recent is not None:
                         messages = outbox.recent.after(asked_after(bytes(asked), self._boot_id))
                     pack = msgpack.packb(messages)
                 query.reply(self._key(topic), pack)
