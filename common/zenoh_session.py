@@ -40,8 +40,9 @@ LAPTOP_LEASE_S = 2.0
 _OPEN_TIMEOUT_S = 2.5
 _COMMANDS = "{} commands"  # the name of the session that carries nothing else
 # Peers to whom others connect. Each has an address of its own on loopback, at the port of the router beside it, so that
-# several meshes go side by side. Who may be away comes late: few look for it
-NEIGHBOURS = (_COMMANDS.format("bridge"), "bridge", "mmu", "planner", "poi", "simulator", "visualizer")
+# several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
+# of these, and do not hear each other
+NEIGHBOURS = (_COMMANDS.format("bridge"), "bridge", "mmu", "planner", "poi", "simulator", "visualizer", "local")
 _FIRST_HOST = 2  # 127.0.0.2 and so on; comm's router has 127.0.0.1
 _CLOSE_TIMEOUT_S = 1.0
 

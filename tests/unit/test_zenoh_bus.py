@@ -18,12 +18,15 @@ from common.errors import StartError
 from common.messages import (
     GRID,
     MAP,
+    OPERATION,
     PERMIT,
     POSE,
     STATUS,
     STOP,
     GridUpdate,
     MapUpdate,
+    Operation,
+    OperatorCommand,
     Permit,
     PoseEstimate,
     Status,
@@ -194,6 +197,18 @@ def test_stop_has_a_connection_of_its_own_and_arrives(open_bus: Open) -> None:
         return comm.latest(STOP) == request and bridge.latest(STOP) == request
 
     until(both)
+
+
+def test_everybody_who_obeys_or_watches_hears_an_operation_of_the_command_center(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    planner, local, centre = open_bus("planner"), open_bus("local"), open_bus("command_center")
+    command = OperatorCommand(0.0, Operation.PAUSE)
+
+    def heard() -> bool:
+        centre.publish(OPERATION, command)
+        return all(bus.latest(OPERATION) == command for bus in (planner, local))
+
+    until(heard)
 
 
 def test_peers_keep_each_other_when_the_router_goes(open_bus: Open) -> None:

@@ -14,7 +14,7 @@ from common.zenoh_session import NEIGHBOURS, Mode, Way, command_way, main_way
 certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
 ROUTER, LAPTOP_ROUTER = MeshSection().router, MeshSection().laptop_router
 LISTEN, ROBOT = "tls/0.0.0.0:7449", "tls/robot:7449"
-MODULES = ("bridge", "mmu", "planner", "poi", "visualizer", "command_center", "simulator")
+MODULES = ("bridge", "mmu", "planner", "poi", "visualizer", "command_center", "simulator", "local")
 
 
 @pytest.fixture(scope="module")
