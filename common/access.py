@@ -89,11 +89,6 @@ def laptop_rules(robot: str) -> Rules:
     return _access_control(rules, subjects, policies)
 
 
-def loopback_rules(robot: str) -> Rules:
-    """For the others: Zenoh makes neighbours find each other, and one of them could stand on another machine."""
-    return _access_control([_everything(robot)], [{"id": "loopback", **_LOOPBACK}], [_policy("everything", "loopback")])
-
-
 def _everything(robot: str) -> Rules:
     return _rule("everything", ["ingress", "egress"], [*_TELLING, *_ASKING], [f"{robot}/**"])
 

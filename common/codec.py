@@ -10,17 +10,16 @@ import dataclasses
 import math
 from collections.abc import Callable
 from enum import Enum
-from typing import Any, Generic, TypeVar, get_origin, get_type_hints
+from operator import attrgetter
+from typing import Any, Generic, NamedTuple, TypeVar, get_origin, get_type_hints
 
 import msgpack
 import numpy as np
-import numpy.typing as npt
 
 from common.messages import NAME_OF_MODULE
 
 CODEC_VERSION = 1
 _ARRAY_EXT = 1
-_MAX_ARRAY_BYTES = 64_000_000
 _HEADER_BYTES = 32  # more than version, sequence and boot id can take
 _SEQUENCE_MAX = 2**53
 _UNDECODABLE = (
@@ -35,8 +34,7 @@ class DecodeError(ValueError):
     """These bytes are not a message of that type: one sentence says why."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Envelope(Generic[P]):
+class Envelope(NamedTuple, Generic[P]):
     """A payload with what the bus stamped on it."""
 
     payload: P
@@ -50,6 +48,8 @@ def _pack_special(value: Any) -> Any:
         return msgpack.ExtType(_ARRAY_EXT, msgpack.packb([array.dtype.str, list(array.shape), array.tobytes()]))
     if isinstance(value, np.generic):
         return value.item()
+    if isinstance(value, Enum):
+        return value.value
     raise TypeError(f"a {type(value).__name__} cannot travel in a message")
 
 
@@ -63,44 +63,52 @@ def _unpack_special(code: int, data: bytes) -> Any:
 
 
 Convert = Callable[[str, Any], Any]
-_FIELDS: dict[type, dict[str, Convert]] = {}
 
 
-def _fields(payload: type) -> dict[str, Convert]:
-    """Name of every field -> what makes its value from MessagePack's."""
-    if payload not in _FIELDS:
+class _Form(NamedTuple):
+    """How a payload class travels; made once, for every message of every process passes here."""
+
+    names: tuple[str, ...]
+    values: Callable[[Any], tuple[Any, ...]]  # of all fields, in this order
+    fields: dict[str, tuple[type | None, Convert]]  # the type that is taken as it is, and what converts or refuses
+
+
+_FORMS: dict[type, _Form] = {}
+
+
+def _form(payload: type) -> _Form:
+    if payload not in _FORMS:
         hints = get_type_hints(payload)
-        _FIELDS[payload] = {f.name: _converter(hints[f.name]) for f in dataclasses.fields(payload)}
-    return _FIELDS[payload]
+        names = tuple(field.name for field in dataclasses.fields(payload))
+        _FORMS[payload] = _Form(names, attrgetter(*names), {name: _reading(hints[name]) for name in names})
+    return _FORMS[payload]
 
 
 def encode(payload: Any, sequence: int, boot_id: int) -> bytes:
     """Bytes of a payload dataclass; raises TypeError for a value that cannot travel."""
-    body = {}
-    for name in _fields(type(payload)):
-        value = getattr(payload, name)
-        body[name] = value.value if isinstance(value, Enum) else value
-    packed: bytes = msgpack.packb([CODEC_VERSION, sequence, boot_id, body], default=_pack_special)
+    names, values, _ = _form(type(payload))
+    body = dict(zip(names, values(payload), strict=True))
+    packed: bytes = msgpack.packb((CODEC_VERSION, sequence, boot_id, body), default=_pack_special)
     return packed
 
 
-def _converter(hint: Any) -> Convert:
-    """Looked up once per field: every message of every process passes here."""
+def _reading(hint: Any) -> tuple[type | None, Convert]:
     origin = get_origin(hint)
     if origin is tuple:
-        return _to_tuple
+        return None, _to_tuple
     if origin is np.ndarray:
-        return _to_array
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return lambda name, value: hint(value)
-    allowed = (int, float) if hint is float else (hint,)
+        return np.ndarray, _refuse
+    if issubclass(hint, Enum):
+        return None, lambda _, value: hint(value)
+    return hint, _to_float if hint is float else _refuse
 
-    def convert(name: str, value: Any) -> Any:
-        if type(value) not in allowed:
-            raise DecodeError(f"field '{name}' is a {type(value).__name__}, not a {hint.__name__}")
-        return float(value) if hint is float else value
 
-    return convert
+def _refuse(name: str, value: Any) -> Any:
+    raise DecodeError(f"field '{name}' must not be a {type(value).__name__}")
+
+
+def _to_float(name: str, value: Any) -> float:
+    return float(value) if type(value) is int else _refuse(name, value)
 
 
 def _to_tuple(name: str, value: Any) -> tuple[Any, ...]:
@@ -109,21 +117,18 @@ def _to_tuple(name: str, value: Any) -> tuple[Any, ...]:
     return tuple(value)
 
 
-def _to_array(name: str, value: Any) -> npt.NDArray[Any]:
-    if not isinstance(value, np.ndarray):
-        raise DecodeError(f"field '{name}' is no array")
-    return value
-
-
 def decode(data: bytes, payload: type[P]) -> Envelope[P]:
     """The message in `data`; raises DecodeError with one sentence for anything that is none."""
     try:
-        unpacked = msgpack.unpackb(data, ext_hook=_unpack_special, max_bin_len=_MAX_ARRAY_BYTES, strict_map_key=True)
-        version, sequence, boot_id, body = unpacked
+        version, sequence, boot_id, body = msgpack.unpackb(data, ext_hook=_unpack_special)
         if version != CODEC_VERSION:
             raise DecodeError(f"message of codec version {version}, this program speaks {CODEC_VERSION}")
-        fields = _fields(payload)
-        values = {name: fields[name](name, value) for name, value in body.items() if name in fields}
+        fields = _form(payload).fields
+        values = {}
+        for name, value in body.items():
+            if name in fields:
+                right, convert = fields[name]
+                values[name] = value if type(value) is right else convert(name, value)
         return Envelope(payload(**values), int(sequence), int(boot_id))
     except DecodeError:
         raise
@@ -162,7 +167,7 @@ def _text_of(value: Any) -> str:
 
 def as_text(sender: str, receiver: str, payload: Any) -> str:
     """SendingModuleName_ReceivingModuleName_TimeStamp_Message; the time stamp in milliseconds of the sender's clock."""
-    names = [n for n in _fields(type(payload)) if n not in ("t_s", "valid")]
+    names = [n for n in _form(type(payload)).names if n not in ("t_s", "valid")]
     message = ",".join(_text_of(getattr(payload, n)) for n in names)
     code = [NAME_OF_MODULE.get(module, module.upper()) for module in (sender, receiver)]
     return f"{code[0]}_{code[1]}_{round(payload.t_s * 1000)}_{message}"

@@ -39,7 +39,8 @@ class RobotSection:
 class MeshSection:
     """Who meets where. One file may serve all machines: each process takes of it what is for its own."""
 
-    router: str = "tcp/127.0.0.1:7447"  # where comm listens, and the modules beside it connect
+    # Where comm listens, and the modules beside it connect; they listen at the same port of 127.0.0.2 and so on
+    router: str = "tcp/127.0.0.1:7447"
     laptop_router: str = "tcp/127.0.0.1:7448"  # where the recorder listens, the laptop's own router
     listen: str = ""  # where comm listens for the other machines, e.g. "tls/0.0.0.0:7449"; empty: for none
     robot: str = ""  # where the other machines find comm, e.g. "tls/robot:7449"; empty: all is on this machine

@@ -1,9 +1,13 @@
 """Sessions of Zenoh and their configuration: who listens, who connects, with which certificate and rights.
 
 Robot: comm is the router, on loopback and, with keys, on one TLS address; the modules beside it are peers on loopback
-that find each other through it (gossip) and keep their links when it goes. Laptop: the recorder is the router on
-loopback, and joins comm's over TLS; poi on its own board does that too, and the command center for its commands, so
-that a stop passes through nothing but comm. With everything on one machine all join comm's router.
+and keep their links when it goes. Laptop: the recorder is the router on loopback, and joins comm's over TLS; poi on its
+own board does that too, and the command center for its commands, so that a stop passes through nothing but comm. With
+everything on one machine all join comm's router.
+
+Peers know each other's addresses, and of two the later in NEIGHBOURS connects, again and again for as long as it takes.
+Zenoh's own way to find neighbours (gossip) tells of each only once: a link that is lost while both keep their router
+would never come back.
 """
 
 from __future__ import annotations
@@ -34,7 +38,12 @@ LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with th
 LAPTOP_LEASE_S = 2.0
 # Ten seconds would be kept by a first packet that was lost; TCP repeats it ever more rarely
 _OPEN_TIMEOUT_S = 2.5
-_ANY_LOOPBACK = "tcp/127.0.0.1:0"
+_COMMANDS = "{} commands"  # the name of the session that carries nothing else
+# Peers to whom others connect. Each has an address of its own on loopback, at the port of the router beside it, so that
+# several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
+# of these, and do not hear each other
+NEIGHBOURS = (_COMMANDS.format("bridge"), "bridge", "mmu", "planner", "poi", "simulator", "visualizer", "local")
+_FIRST_HOST = 2  # 127.0.0.2 and so on; comm's router has 127.0.0.1
 _CLOSE_TIMEOUT_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -54,7 +63,6 @@ class Way:
 def main_way(name: str, mode: Mode, config: Config) -> Way:
     """Of a process's session; raises StartError when its keys cannot serve."""
     mesh, robot = config.mesh, config.robot.name
-    on_loopback = access.loopback_rules(robot) if mesh.keys else None
     if mode == "router" and name != LAPTOP_ROUTER:
         rules = access.robot_rules(robot) if mesh.keys else None
         if not mesh.listen:
@@ -63,15 +71,14 @@ def main_way(name: str, mode: Mode, config: Config) -> Way:
     away = bool(mesh.robot) and name in (*access.ROLES["pi"], *access.ROLES["laptop"])
     if mode == "router":
         if not away:
-            return Way("router", (mesh.laptop_router,), (mesh.router,), rules=on_loopback)
+            return Way("router", (mesh.laptop_router,), (mesh.router,))
         keys, rules = _keys(config, "laptop"), access.laptop_rules(robot)
         return Way("router", (mesh.laptop_router,), (mesh.robot,), keys, rules)
     if away and (mode == "client" or name in access.ROLES["pi"]):
         return _straight_to_robot(name, mode, config)
     if mode == "client":
         return Way("client", connect=(mesh.router,))
-    router = mesh.laptop_router if away else mesh.router
-    return Way("peer", (_ANY_LOOPBACK,), (router,), rules=on_loopback)
+    return _beside_router(name, away, config)
 
 
 def command_way(name: str, mode: Mode, config: Config) -> Way | None:
@@ -80,16 +87,23 @@ def command_way(name: str, mode: Mode, config: Config) -> Way | None:
         return None
     if name == STOP.producer and config.mesh.robot:
         return _straight_to_robot(name, mode, config)
-    return main_way(name, mode, config)
+    return _beside_router(_COMMANDS.format(name), False, config)
 
 
 def lease_s(name: str, clock_lease_s: float) -> float:
-    """How long the others wait for this process until they give it up (s); on the robot, as the clock asks.
-
-    Not so comm, though it speaks over Wi-Fi too: who was frozen for a moment must lose the router with its neighbours,
-    or nobody joins it with them again.
-    """
+    """How long the others wait for this process until they give it up (s); on the robot, as the clock asks."""
     return clock_lease_s if name in ON_ROBOT else max(clock_lease_s, LAPTOP_LEASE_S)
+
+
+def _beside_router(session: str, on_laptop: bool, config: Config) -> Way:
+    """A peer's, on loopback: it connects to the router and to the NEIGHBOURS before it."""
+    router = config.mesh.laptop_router if on_laptop else config.mesh.router
+    port = router.rpartition(":")[2]
+    addresses = {name: f"tcp/127.0.0.{_FIRST_HOST + i}:{port}" for i, name in enumerate(NEIGHBOURS)}
+    own = addresses.get(session)
+    before = NEIGHBOURS[: NEIGHBOURS.index(session)] if own else NEIGHBOURS
+    there = [name for name in before if not on_laptop or name in access.ROLES["laptop"]]
+    return Way("peer", (own,) if own else (), (router, *(addresses[name] for name in there)))
 
 
 def _straight_to_robot(name: str, mode: Mode, config: Config) -> Way:
@@ -110,7 +124,7 @@ def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
         "connect/endpoints": way.connect,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": True,
+        "scouting/gossip/enabled": False,
         "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
         "transport/unicast/open_timeout": round(1000 * _OPEN_TIMEOUT_S),
         "transport/link/tx/lease": round(1000 * lease_s),
@@ -149,7 +163,7 @@ def open_session(way: Way, lease_s: float) -> zenoh.Session:
         return zenoh.open(session_config(way, lease_s))
     except zenoh.ZError as error:
         if way.mode != "client":
-            hint = "another mesh uses it; stop that one, or give this one another [mesh] router in robot.toml"
+            hint = "it is in use; stop the other mesh or program, or give this mesh another [mesh] router in robot.toml"
             raise StartError(f"Cannot listen on {' and '.join(way.listen)}: {hint}.") from error
         hint = "start it, or correct [mesh] router in robot.toml"
         if way.keys is not None:

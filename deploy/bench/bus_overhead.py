@@ -1,8 +1,9 @@
 """`ZenohBus` against bare Zenoh sessions of the same settings: latency and processor time, in one run.
 
-Two processes each, joined by a router as on the robot, take turns; the bare pair sends as many bytes per message as an
-encoded pose has. Bare Zenoh hands over bytes and has no idea what is in them: encoding, numbering, keeping the newest
-for the recorder, decoding and waiting for the node's step are all overhead of ours.
+Two processes each, joined as on the robot, take turns. Both senders make a pose and publish it; the bare one sends its
+time and as many bytes as the encoded pose has. Bare Zenoh hands over bytes and has no idea what is in them: encoding,
+numbering, keeping the newest for the recorder and decoding are all overhead of ours. Both receivers take the time on
+Zenoh's thread, or take what came in steps of the same length.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
@@ -26,27 +27,27 @@ from common.codec import decode, encode
 from common.config import Config, MeshSection
 from common.messages import POSE, PoseEstimate
 from common.zenoh_bus import ZenohBus
-from common.zenoh_session import Way, session_config
+from common.zenoh_session import lease_s, main_way, open_session
 from deploy.bench.machine import percentiles
 from deploy.local_mesh import free_port
 
 LATENCY_PERIOD_S = 0.005
-LATENCY_COUNT = 1000  # per round
+LATENCY_COUNT = 200  # per round: short turns, so that a machine with other work to do is as busy for both
 LOAD_PERIOD_S = 0.001
-LOAD_COUNT = 3000
+LOAD_COUNT = 600
 STEP_S = 0.01  # of the node that takes what came, and is busy for its whole step with nothing else
 WARM_UP = 200  # messages of which none counts
-ROUNDS = 5
+ROUNDS, ROUNDS_QUICK = 25, 10
 _SETTLE_S = 1.0
 
 
 class End(Protocol):
     """One end of a pair."""
 
-    def publish(self, t_s: float) -> None: ...
+    def publish(self, pose: PoseEstimate) -> None: ...
 
     def listen(self, handler: Callable[[float], None]) -> None:
-        """Hands over when every message was sent, on Zenoh's thread."""
+        """Hands over the time of every pose, on Zenoh's thread."""
 
     def take(self) -> int:
         """How many came since the last call, as a node takes them."""
@@ -63,8 +64,8 @@ class OurEnd:
         self._bus = ZenohBus(name, config, FreeClock())
         self.close = self._bus.close
 
-    def publish(self, t_s: float) -> None:
-        self._bus.publish(POSE, _pose(t_s))
+    def publish(self, pose: PoseEstimate) -> None:
+        self._bus.publish(POSE, pose)
 
     def listen(self, handler: Callable[[float], None]) -> None:
         self._bus.listen(POSE, lambda pose: handler(pose.t_s))
@@ -75,7 +76,7 @@ class OurEnd:
 
 class BareEnd:
     def __init__(self, name: str, config: Config) -> None:
-        self._session = zenoh.open(session_config(Way("peer", ("tcp/127.0.0.1:0",), (config.mesh.router,))))
+        self._session = open_session(main_way(name, "peer", config), lease_s(name, FreeClock.lease_s))
         self._key = f"bare/{POSE.key}"
         self._publisher = self._session.declare_publisher(
             self._key, priority=zenoh.Priority.DATA_HIGH, congestion_control=zenoh.CongestionControl.DROP
@@ -84,8 +85,8 @@ class BareEnd:
         self._came: deque[bytes] = deque()
         self._subscriber: Any = None
 
-    def publish(self, t_s: float) -> None:
-        self._publisher.put(struct.pack("<d", t_s) + self._filling)
+    def publish(self, pose: PoseEstimate) -> None:
+        self._publisher.put(struct.pack("<d", pose.t_s) + self._filling)
 
     def listen(self, handler: Callable[[float], None]) -> None:
         self._subscribe(lambda sample: handler(struct.unpack_from("<d", bytes(sample.payload))[0]))
@@ -119,10 +120,10 @@ class Figures:
     receiving_s: list[float]
 
 
-def _sender(kind: str, router: str, orders: Connection) -> None:
+def _sender(kind: str, config: Config, orders: Connection) -> None:
     """Sends so many messages in such a period when it is told to; answers with the processor time they took."""
-    end = ENDS[kind]("mmu", Config(mesh=MeshSection(router)))
-    end.publish(0.0)
+    end = ENDS[kind]("mmu", config)
+    end.publish(_pose(0.0))
     try:
         while order := orders.recv():
             count, period_s = order
@@ -130,15 +131,15 @@ def _sender(kind: str, router: str, orders: Connection) -> None:
             for _ in range(count):
                 due_s += period_s
                 time.sleep(max(0.0, due_s - time.monotonic()))
-                end.publish(time.monotonic())
+                end.publish(_pose(time.monotonic()))
             orders.send(time.process_time() - began_s)
     finally:
         end.close()
 
 
-def _receiver(kind: str, router: str, orders: Connection, by_steps: bool) -> None:
+def _receiver(kind: str, config: Config, orders: Connection, by_steps: bool) -> None:
     """Whenever asked: (latencies since the last time, messages taken, processor time) since it was asked last."""
-    end = ENDS[kind]("poi", Config(mesh=MeshSection(router)))
+    end = ENDS[kind]("poi", config)
     latencies_s: list[float] = []
     if not by_steps:
         end.listen(lambda sent_s: latencies_s.append(time.monotonic() - sent_s))
@@ -160,13 +161,13 @@ def _receiver(kind: str, router: str, orders: Connection, by_steps: bool) -> Non
 class Pair:
     """Sender and receiver of one kind."""
 
-    def __init__(self, kind: str, router: str, *, by_steps: bool) -> None:
+    def __init__(self, kind: str, config: Config, *, by_steps: bool) -> None:
         processes = multiprocessing.get_context("spawn")
         self._to_sender, sender = processes.Pipe()
         self._to_receiver, receiver = processes.Pipe()
         self._processes = [
-            processes.Process(target=_sender, args=(kind, router, sender), daemon=True),
-            processes.Process(target=_receiver, args=(kind, router, receiver, by_steps), daemon=True),
+            processes.Process(target=_sender, args=(kind, config, sender), daemon=True),
+            processes.Process(target=_receiver, args=(kind, config, receiver, by_steps), daemon=True),
         ]
         for process in self._processes:
             process.start()
@@ -198,11 +199,13 @@ class Pair:
 def measure(rounds: int) -> dict[str, Figures]:
     """Both kinds by turns, so that what else the machine does meets both."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    router = f"tcp/127.0.0.1:{free_port()}"
+    configs = {kind: Config(mesh=MeshSection(f"tcp/127.0.0.1:{free_port()}")) for kind in ENDS}
     figures = {kind: Figures([], [], []) for kind in ENDS}
-    with zenoh.open(session_config(Way("router", (router,)))):
+    with ExitStack() as routers:
+        for config in configs.values():
+            routers.enter_context(open_session(main_way("comm", "router", config), FreeClock.lease_s))
         for by_steps in (False, True):
-            pairs = {kind: Pair(kind, router, by_steps=by_steps) for kind in ENDS}
+            pairs = {kind: Pair(kind, config, by_steps=by_steps) for kind, config in configs.items()}
             for _ in range(rounds):
                 for kind, pair in pairs.items():
                     if by_steps:
@@ -217,8 +220,7 @@ def measure(rounds: int) -> dict[str, Figures]:
 
 
 def bench(quick: bool) -> None:
-    rounds = 2 if quick else ROUNDS
-    figures = measure(rounds)
+    figures = measure(ROUNDS_QUICK if quick else ROUNDS)
     for kind, found in figures.items():
         sending_us, receiving_us = 1e6 * np.median(found.sending_s), 1e6 * np.median(found.receiving_s)
         print(f"{kind}: latency of {len(found.latencies_s)} messages {percentiles(found.latencies_s, 'us')}")

@@ -58,6 +58,9 @@ class Relay:
                     near.close()
                     continue
                 far = socket.create_connection(self._target)
+                for end in (near, far):
+                    # A link keeps nothing back; whether to wait for more to send is for its ends to say
+                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._sockets += [near, far]
                 for source, sink in ((near, far), (far, near)):
                     threading.Thread(target=self._pass_on, args=(source, sink), daemon=True).start()

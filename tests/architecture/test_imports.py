@@ -57,6 +57,8 @@ def test_no_program_imports_tests() -> None:
             "zenoh",
             (
                 "common/zenoh_bus.py",
+                "common/zenoh_inbox.py",
+                "common/zenoh_outbox.py",
                 "common/zenoh_session.py",
                 "common/process.py",
                 "deploy/bench/bus_overhead.py",  # measures our bus against it

@@ -1,7 +1,8 @@
 """A process that stands in for a module: `python stand_in.py NAME --config robot.toml`.
 
-Every one is ready at once. "planner" drives from a start on and stands from a latched stop until a resume; "bridge"
-moves while it holds a fresh permit, knows of no stop and is asked to drive; "simulator" leads the shared clock.
+Every one is ready at once, and its status names whom it knows to be there. "planner" drives from a start on and
+stands from a latched stop until a resume; "bridge" moves while it holds a fresh permit, knows of no stop and is asked
+to drive; "simulator" leads the shared clock.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from common.messages import (
 )
 from common.process import argument_parser, run
 from common.status import StatusReporter
+from common.zenoh_bus import ZenohBus
 from onboard.bridge.motion_gate import MotionGate
 
 
@@ -41,7 +43,8 @@ class StandIn:
 
     def step(self, bus: Bus, now_s: float) -> None:
         if self._status is not None:
-            self._status.report(bus, now_s, state="RUN", ready=True)
+            assert isinstance(bus, ZenohBus)
+            self._status.report(bus, now_s, state="RUN", ready=True, detail=" ".join(sorted(bus.alive_tokens())))
 
     def close(self) -> None:
         pass

@@ -54,7 +54,7 @@ def statuses(bus: ZenohBus, modules: set[str]) -> dict[str, list[Status]]:
 def test_it_shows_every_module_stops_the_robot_and_fills_itself_again_after_a_restart(local: Config) -> None:
     modules = set(STATUS)
     center = Center(local)
-    watcher = ZenohBus("watcher", local, FreeClock())
+    watcher = ZenohBus("watcher", local, FreeClock(), "client")
     try:
         until(lambda: modules <= center.live(), what="a fresh row of every module")
         for module, reports in statuses(watcher, modules).items():

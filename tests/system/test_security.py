@@ -209,15 +209,16 @@ def own_address() -> str:
         return address
 
 
-def test_a_viewer_that_makes_the_robots_modules_connect_to_it_moves_nothing(keyed: KeyedMesh) -> None:
+def test_a_viewer_that_waits_to_be_found_is_not_connected_to_and_moves_nothing(keyed: KeyedMesh) -> None:
     keyed.stop()
     way = replace(keyed.by_tls(keyed.keys / "viewer"), mode="peer", listen=(f"tcp/{own_address()}:0",))
     config = session_config(way)
-    # It waits to be found: what it could reach of a board's loopback from this very machine, it could not from another
+    config.insert_json5("scouting/gossip/enabled", "true")
+    # What it could reach of a board's loopback from this very machine, it could not from another
     config.insert_json5("scouting/gossip/autoconnect", '{"peer": []}')
     with zenoh.open(config) as viewer:
-        until(lambda: any(str(link.src).startswith("tcp/") for link in viewer.info.links()), what="a link to it")
         assert keyed.withstands(put_all(viewer, orders(keyed)))
+        assert {str(link.src).split("/")[0] for link in viewer.info.links()} == {"tls"}
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from common.access import ROLES, heard_keys, loopback_rules, robot_rules, role_of, said_keys
+from common.access import ROLES, heard_keys, laptop_rules, robot_rules, role_of, said_keys
 from common.messages import OPERATION, ROBOT_SENDERS, STOP, TOPICS
 
 COMMANDS = {STOP.key, OPERATION.key}
@@ -44,7 +44,7 @@ def test_tokens_are_said_by_their_own_role_only() -> None:
         ]
 
 
-@pytest.mark.parametrize("rules", [robot_rules("r"), loopback_rules("r")])
+@pytest.mark.parametrize("rules", [robot_rules("r"), laptop_rules("r")])
 def test_what_is_not_allowed_is_denied(rules: dict[str, Any]) -> None:
     assert rules["enabled"] is True
     assert rules["default_permission"] == "deny"

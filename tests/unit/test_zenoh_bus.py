@@ -18,12 +18,15 @@ from common.errors import StartError
 from common.messages import (
     GRID,
     MAP,
+    OPERATION,
     PERMIT,
     POSE,
     STATUS,
     STOP,
     GridUpdate,
     MapUpdate,
+    Operation,
+    OperatorCommand,
     Permit,
     PoseEstimate,
     Status,
@@ -158,11 +161,9 @@ def test_missed_increments_are_asked_for(open_bus: Open, config: Config) -> None
     until(lambda: got(0))
     # The receiver's subscription is away for a while, as in a cut link that comes back
     inbox = receiver._inboxes[MAP.key]
-    inbox.subscriber.undeclare()
+    inbox._subscriber.undeclare()
     sender.publish(MAP, wall(1, 1))
-    receiver._inboxes.clear()
-    again = receiver._subscribe(MAP)
-    again.queue, again.sequences, again.query_due = inbox.queue, inbox.sequences, False
+    inbox._subscribe()
 
     def live() -> bool:
         return got(3)
@@ -196,6 +197,18 @@ def test_stop_has_a_connection_of_its_own_and_arrives(open_bus: Open) -> None:
         return comm.latest(STOP) == request and bridge.latest(STOP) == request
 
     until(both)
+
+
+def test_everybody_who_obeys_or_watches_hears_an_operation_of_the_command_center(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    planner, local, centre = open_bus("planner"), open_bus("local"), open_bus("command_center")
+    command = OperatorCommand(0.0, Operation.PAUSE)
+
+    def heard() -> bool:
+        centre.publish(OPERATION, command)
+        return all(bus.latest(OPERATION) == command for bus in (planner, local))
+
+    until(heard)
 
 
 def test_peers_keep_each_other_when_the_router_goes(open_bus: Open) -> None:

@@ -9,12 +9,12 @@ import pytest
 
 from common.config import Config, MeshSection
 from common.errors import StartError
-from common.zenoh_session import Mode, command_way, main_way
+from common.zenoh_session import NEIGHBOURS, Mode, Way, command_way, main_way
 
 certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
 ROUTER, LAPTOP_ROUTER = MeshSection().router, MeshSection().laptop_router
 LISTEN, ROBOT = "tls/0.0.0.0:7449", "tls/robot:7449"
-MODULES = ("bridge", "mmu", "planner", "poi", "visualizer", "command_center", "simulator")
+MODULES = ("bridge", "mmu", "planner", "poi", "visualizer", "command_center", "simulator", "local")
 
 
 @pytest.fixture(scope="module")
@@ -33,23 +33,53 @@ def test_without_keys_all_join_the_router_of_comm_on_loopback() -> None:
     assert (recorder.listen, recorder.connect) == ((LAPTOP_ROUTER,), (ROUTER,))
     for module in MODULES:
         way = main_way(module, "peer", config)
-        assert (way.mode, way.connect) == ("peer", (ROUTER,))
-        assert command_way(module, "peer", config) == (way if module in ("bridge", "command_center") else None)
+        assert (way.mode, way.connect[0]) == ("peer", ROUTER)
+        assert (command_way(module, "peer", config) is not None) == (module in ("bridge", "command_center"))
     assert main_way("command_center", "client", config).connect == (ROUTER,)
     ways = [comm, recorder, *(main_way(module, "peer", config) for module in MODULES)]
     assert all(way.keys is None and way.rules is None for way in ways)
+
+
+def port_of(endpoint: str) -> str:
+    return endpoint.rsplit(":", 1)[1]
+
+
+def test_of_two_peers_just_one_connects_to_the_other_and_all_of_it_stays_on_loopback() -> None:
+    config = Config()
+    sessions = {module: main_way(module, "peer", config) for module in (*MODULES, "stranger")}
+    commands = [command_way(module, "peer", config) for module in ("bridge", "command_center")]
+    ways = [*sessions.values(), *(way for way in commands if way is not None)]
+    for way in ways:
+        assert all(endpoint.startswith("tcp/127.0.0.") for endpoint in (*way.listen, *way.connect))
+        assert {port_of(endpoint) for endpoint in (*way.listen, *way.connect)} == {port_of(ROUTER)}
+
+    def connects(way: Way, other: Way) -> bool:
+        return bool(set(way.connect) & set(other.listen))
+
+    listening = [way for way in ways if way.listen]
+    assert len(listening) == len({way.listen for way in listening}) == len(NEIGHBOURS)
+    for other in listening:
+        assert all(connects(way, other) != connects(other, way) for way in ways if way is not other)
+
+
+def test_meshes_with_routers_of_their_own_share_no_address() -> None:
+    ways = [
+        main_way(module, "peer", Config(mesh=MeshSection(router)))
+        for router in (ROUTER, LAPTOP_ROUTER)
+        for module in ("bridge", "mmu")
+    ]
+    assert len({way.listen for way in ways}) == len(ways)
 
 
 @pytest.mark.parametrize(
     ("module", "mode", "connect", "role"),
     [
         ("comm", "router", (), "robot"),
-        ("bridge", "peer", (ROUTER,), None),
-        ("planner", "peer", (ROUTER,), None),
+        ("bridge", "peer", (ROUTER, "tcp/127.0.0.2:7447"), None),
         ("poi", "peer", (ROBOT,), "pi"),
         ("recorder", "router", (ROBOT,), "laptop"),
         ("visualizer", "peer", (LAPTOP_ROUTER,), None),
-        ("command_center", "peer", (LAPTOP_ROUTER,), None),
+        ("command_center", "peer", (LAPTOP_ROUTER, "tcp/127.0.0.8:7448"), None),
         ("command_center", "client", (ROBOT,), "command_center"),
     ],
 )
@@ -60,8 +90,8 @@ def test_over_several_machines_the_certificate_is_shown_where_a_link_leaves_one(
     assert way.connect == connect
     assert (way.keys.name if way.keys is not None else None) == role
     assert not any(endpoint.startswith("tls/") for endpoint in (*way.listen, *way.connect)) or role is not None
-    # Whoever listens, or is found by neighbours, has rules
-    assert way.rules is not None or not way.listen
+    # Whoever listens where others can come has rules
+    assert way.rules is not None or way.mode != "router" or not way.listen
 
 
 def test_commands_go_straight_to_the_robot(several: Config) -> None:
@@ -74,6 +104,7 @@ def test_commands_go_straight_to_the_robot(several: Config) -> None:
     bridge = command_way("bridge", "peer", several)
     assert bridge is not None
     assert bridge.connect == (ROUTER,)
+    assert bridge.listen == ("tcp/127.0.0.2:7447",)
 
 
 def test_comm_listens_on_loopback_and_for_the_other_machines(several: Config) -> None:

@@ -1,0 +1,187 @@
+"""What a process hears of one topic: Zenoh's threads store raw bytes, which are decoded when the node looks.
+
+STATE topics: a subscriber asks for everything since the newest full snapshot when it joins, when the publisher appears,
+and when a sequence number is missing, and keeps what comes live until the answer.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+import zenoh
+
+from common.bus import QUEUE_LENGTH
+from common.clock import Clock
+from common.codec import DecodeError, Envelope, decode
+from common.frames import MESSAGE_BYTES_MAX, unpack_messages
+from common.messages import Stance, Topic
+from common.signing import SEAL_BYTES
+from common.zenoh_session import direct
+
+P = TypeVar("P")
+
+QUERY_TIMEOUT_S = 1.0
+_QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all the time
+_KNOWN_BOOTS = 16
+
+_log = logging.getLogger(__name__)
+
+Refuses = Callable[[Topic[Any], Envelope[Any], bytes, bytes], bool]
+
+
+class Reader:
+    """Bytes -> messages; `errors` counts by topic what is none."""
+
+    def __init__(self) -> None:
+        self.errors: dict[str, int] = {}
+
+    def read(self, topic: Topic[P], data: bytes) -> Envelope[P] | None:
+        try:
+            return decode(data, topic.payload)
+        except DecodeError as error:
+            self.count_error(topic, str(error))
+            return None
+
+    def count_error(self, topic: Topic[Any], problem: str) -> None:
+        count = self.errors[topic.key] = self.errors.get(topic.key, 0) + 1
+        # With every doubling: of a sender of another version nothing else would come
+        if count & (count - 1) == 0:
+            _log.warning("undecodable topic=%s error=%s count=%d", topic.key, problem, count)
+
+
+class Inbox(Generic[P]):
+    """One subscriber. `refuses` judges commands with their seals; `arrived` is called when something came.
+
+    `newest`, `arrived_s` and `sequences` (boot id -> newest number) are as of the last look.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        topic: Topic[P],
+        clock: Clock,
+        reader: Reader,
+        refuses: Refuses,
+        arrived: Callable[[], None],
+    ) -> None:
+        self.newest: P | None = None
+        self.arrived_s = float("-inf")
+        self.sequences: dict[int, int] = {}
+        self._session, self._key, self._topic, self._clock = session, key, topic, clock
+        self._reader, self._refuses, self._arrived = reader, refuses, arrived
+        self._queue: deque[P] | None = None
+        self._is_state = topic.stance is Stance.STATE
+        # The lock guards both, which Zenoh's threads write
+        self._pending: deque[tuple[float, bytes, bytes]] = deque(  # arrival, message, its seal
+            maxlen=1 if topic.stance is Stance.LATEST else QUEUE_LENGTH
+        )
+        self._replies: list[tuple[float, bytes]] = []
+        self._lock = threading.Lock()
+        self._query_due = self._is_state
+        self._query_running = self._query_answered = False
+        self._asked_wall_s = float("-inf")
+        self._subscriber: Any = None
+        self._subscribe()
+
+    def look(self) -> None:
+        """Decodes all that came; while a query runs, what came live waits for its answer."""
+        # Asked again while nothing at all came: subscription and first message may have crossed on the way
+        empty = self._is_state and self.newest is None
+        if (self._query_due or empty) and not self._query_running:
+            self._ask()
+        if self._query_running or not (self._pending or self._replies):
+            return
+        with self._lock:
+            replies, self._replies = self._replies, []
+            live = list(self._pending)
+            self._pending.clear()
+        answered, self._query_answered = self._query_answered, False
+        for arrived_s, pack in replies:
+            for data in unpack_messages(pack):
+                self._accept(arrived_s, self._reader.read(self._topic, data))
+        for i, (arrived_s, data, seal) in enumerate(live):
+            envelope = self._reader.read(self._topic, data)
+            if envelope is None or self._refuses(self._topic, envelope, data, seal):
+                continue
+            if not answered and self._misses_some(envelope):
+                self._query_due = True
+                with self._lock:
+                    self._pending = deque([*live[i:], *self._pending], maxlen=QUEUE_LENGTH)
+                return
+            self._accept(self._clock.arrival_s(arrived_s), envelope)
+
+    def take(self) -> list[P]:
+        """Everything since the last call, after a look; at the first call only the newest."""
+        if self._queue is None:
+            self._queue = deque(maxlen=QUEUE_LENGTH)
+            with self._lock:
+                self._pending = deque(self._pending, maxlen=QUEUE_LENGTH)
+            return [] if self.newest is None else [self.newest]
+        messages = list(self._queue)
+        self._queue.clear()
+        return messages
+
+    def publisher_appears(self) -> None:
+        """Called by Zenoh's thread: somebody is there now who may be asked."""
+        if self._is_state:
+            self._query_due = True
+
+    def _subscribe(self) -> None:
+        self._subscriber = self._session.declare_subscriber(self._key, direct(self._store))
+
+    def _store(self, sample: zenoh.Sample) -> None:
+        if len(sample.payload) > MESSAGE_BYTES_MAX:
+            self._reader.count_error(self._topic, f"{len(sample.payload)} bytes are too many")
+            return
+        arrival = (self._clock.now_s(), bytes(sample.payload), _seal_of(sample))
+        with self._lock:
+            self._pending.append(arrival)
+        self._arrived()
+
+    def _misses_some(self, envelope: Envelope[P]) -> bool:
+        return self._is_state and envelope.sequence > self.sequences.get(envelope.boot_id, 0) + 1
+
+    def _accept(self, arrived_s: float, envelope: Envelope[P] | None) -> None:
+        if envelope is None or envelope.sequence <= self.sequences.get(envelope.boot_id, 0):
+            return
+        if envelope.boot_id not in self.sequences and len(self.sequences) >= _KNOWN_BOOTS:
+            self.sequences.pop(next(iter(self.sequences)))
+        self.sequences[envelope.boot_id] = envelope.sequence
+        self.newest, self.arrived_s = envelope.payload, arrived_s
+        if self._queue is not None:
+            self._queue.append(envelope.payload)
+
+    def _ask(self) -> None:
+        wall_s = time.monotonic()
+        if wall_s - self._asked_wall_s < _QUERY_PAUSE_S:
+            return
+        self._asked_wall_s, self._query_due, self._query_running = wall_s, False, True
+
+        def store(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                arrival = (self._clock.now_s(), bytes(reply.ok.payload))
+                with self._lock:
+                    self._replies.append(arrival)
+
+        def finished() -> None:
+            self._query_answered = True
+            self._query_running = False
+
+        self._session.get(
+            self._key,
+            zenoh.handlers.Callback(store, finished, indirect=False),
+            timeout=QUERY_TIMEOUT_S,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+
+
+def _seal_of(sample: zenoh.Sample) -> bytes:
+    """What travelled beside a message, as far as it can be a seal."""
+    beside = sample.attachment
+    return bytes(beside) if beside is not None and len(beside) == SEAL_BYTES else b""

@@ -1,0 +1,73 @@
+"""What a process says on one topic: numbered, sent, and kept for who asks.
+
+STATE topics answer a query with everything since the newest full snapshot. Recorded topics answer the same query with a
+question in it (`frames.question`) from their newest messages, so that who records them misses nothing while it is
+restarted.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+import msgpack
+import zenoh
+
+from common.codec import encode
+from common.frames import RecentMessages, asked_after
+from common.messages import Stance, Topic
+from common.zenoh_session import direct
+
+P = TypeVar("P")
+
+_PRIORITY = {
+    Stance.COMMAND: zenoh.Priority.REAL_TIME,
+    Stance.LATEST: zenoh.Priority.DATA_HIGH,
+    Stance.EVENT: zenoh.Priority.DATA,
+    Stance.STATE: zenoh.Priority.DATA_LOW,
+    Stance.BULK: zenoh.Priority.BACKGROUND,
+}
+# Nobody waits for a full link, or the robot would stand for it: what is recorded and was dropped is asked for again
+_CONGESTION = zenoh.CongestionControl.DROP
+
+
+class Outbox(Generic[P]):
+    """One publisher. `sequence` is the number of the newest message."""
+
+    def __init__(self, session: zenoh.Session, key: str, topic: Topic[P], boot_id: int) -> None:
+        self.sequence = 0
+        self._key, self._boot_id = key, boot_id
+        self._lock = threading.Lock()
+        self._history: list[bytes] | None = [] if topic.stance is Stance.STATE else None  # since the newest snapshot
+        self._recent = RecentMessages() if topic.recorded else None
+        self._publisher = session.declare_publisher(
+            key, priority=_PRIORITY[topic.stance], congestion_control=_CONGESTION
+        )
+        self._queryable: Any = None
+        if self._history is not None or self._recent is not None:
+            self._queryable = session.declare_queryable(key, direct(self._answer))
+
+    def publish(self, payload: P, seal: Callable[[bytes], bytes | None]) -> None:
+        """Any thread may; `seal` makes of the message what goes with it."""
+        with self._lock:
+            self.sequence += 1
+            data = encode(payload, self.sequence, self._boot_id)
+            # First of all it is sent; who asks for what was kept waits for the lock
+            self._publisher.put(data, attachment=seal(data))
+            if self._recent is not None:
+                self._recent.append(self.sequence, data)
+            if self._history is not None:
+                # An increment (`MapUpdate.start` > 0) is worth nothing without what it goes on from
+                if not getattr(payload, "start", 0):
+                    self._history.clear()
+                self._history.append(data)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        asked = query.payload
+        with self._lock:
+            messages = self._history or []
+            if asked is not None and self._recent is not None:
+                messages = self._recent.after(asked_after(bytes(asked), self._boot_id))
+            pack = msgpack.packb(messages)
+        query.reply(self._key, pack)
