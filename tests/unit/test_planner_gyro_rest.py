@@ -31,6 +31,7 @@ def test_standing_for_any_other_reason_is_a_rest_too() -> None:
 
 def test_moments_of_standing_do_not_add_up() -> None:
     rest = rested(0.0)
+    rest.due(1.0, standing=False)
     for i in range(20):
         rest.due(40.0 + i, standing=i % 2 == 0)
     assert rest.due(60.0, standing=False)
