@@ -45,11 +45,12 @@ class OdometryErrors:
         )
 
 
-# A cheap gyro's bias wanders by 0.016 deg/s a minute: at walking pace of this robot 0.1 deg/m
+# A cheap gyro's bias wanders by 0.016 deg/s a minute, at walking pace of this robot 0.1 deg/m, and is measured anew
+# whenever the robot stands still, which it sees to
 GYRO_LED = OdometryErrors(
     radians(0.05),
     0.003,
-    DriftPrior(radians(0.2), radians(0.1), 0.004, LENGTH_SD),
+    DriftPrior(radians(0.06), None, 0.004, LENGTH_SD),
     along_m=0.001,
     along_m_per_sqrt_m=0.01,
 )

@@ -61,7 +61,7 @@ class DriftPrior:
     """How far the odometry's slow errors may reach, as standard deviations."""
 
     rad_per_m: float
-    rad_per_m_step: float  # from one stretch to the next
+    rad_per_m_step: float | None  # from one stretch to the next; None: every stretch begins anew
     rad_per_rad: float
     m_per_m: float
 
@@ -83,9 +83,9 @@ class PoseGraph:
         return len(self._poses)
 
     def begin_stretch(self, stretch: int) -> None:
-        """The value per metre goes on from the one before, until the walls say otherwise."""
+        """The value per metre goes on from the one before, or begins anew, until the walls say otherwise."""
         while len(self.slow) < PER_M + stretch + 1:
-            self.slow = np.append(self.slow, self.slow[-1])
+            self.slow = np.append(self.slow, 0.0 if self.prior.rad_per_m_step is None else self.slow[-1])
 
     @property
     def poses(self) -> FloatArray:
@@ -142,6 +142,9 @@ class _System:
         self.prior = np.zeros((slow, slow))
         sd = np.array([prior.m_per_m, prior.rad_per_rad, WALLS_SD_RAD, prior.rad_per_m])
         np.fill_diagonal(self.prior[: PER_M + 1, : PER_M + 1], sd**-2)
+        if prior.rad_per_m_step is None:
+            np.fill_diagonal(self.prior[PER_M:, PER_M:], prior.rad_per_m**-2)
+            return
         step = np.array([[1.0, -1.0], [-1.0, 1.0]]) * prior.rad_per_m_step**-2
         for i in range(PER_M, slow - 1):
             self.prior[i : i + 2, i : i + 2] += step

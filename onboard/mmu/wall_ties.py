@@ -16,8 +16,8 @@ from onboard.mmu.walls import WallPiece, continuation, fit_piece
 
 RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
 RIGHT_ANGLES_SHARE = 0.9
-RIGHT_ANGLES_NEAR_RAD = radians(4.0)
-RIGHT_ANGLES_SD_RAD = radians(0.7)  # of one piece: it is known to 0.3, and neighbouring pieces say the same
+RIGHT_ANGLES_NEAR_RAD = radians(2.5)
+RIGHT_ANGLES_SD_RAD = radians(0.4)  # of one piece: it is known to 0.2, and neighbouring pieces say the same
 APPROACH_OFF_RAD = radians(8.0)  # a way that departs further from the walls' directions is no square approach
 APPROACH_SD_M = 0.015
 APPROACH_SIGMAS = 3.0  # what slip and length of the wheels do not explain was no square wall
