@@ -411,8 +411,9 @@ class ZenohBus:
 
     def _count_error(self, topic: Topic[Any], error: Exception) -> None:
         count = self.decode_errors[topic.key] = self.decode_errors.get(topic.key, 0) + 1
-        if count == 1:
-            _log.warning("undecodable topic=%s error=%s", topic.key, error)
+        # With every doubling: of a sender of another version nothing else would come
+        if count & (count - 1) == 0:
+            _log.warning("undecodable topic=%s error=%s count=%d", topic.key, error, count)
 
 
 def _seal_of(sample: zenoh.Sample) -> bytes:
