@@ -27,7 +27,7 @@ _LINKS_KEPT = 256
 _STDOUT = 1
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-_LINE = re.compile(r"\S+ +(?P<level>ERROR|WARN|INFO) .*?(?P<source>zenoh\w*)\S*: (?P<text>.*)")
+_LINE = re.compile(r"\S+ +(?P<level>ERROR|WARN|INFO) .*?(?P<source>zenoh\w*)\S*: (?P<text>.*?)(?: at /\S+)?$")
 _REFUSAL = re.compile(
     r"(?P<thread>ThreadId\(\d+\)) \S+: (?:Using cached result: )?(?P<link>\w+)(?: on (?P<subject>\S+))?"
     r" is unauthorized to (?P<act>Put|Reply) \(ingress\) on [^/\s]+/(?P<key>\S+)"

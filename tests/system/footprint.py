@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 
 _PROC = Path("/proc")
 
@@ -23,7 +22,7 @@ class Footprint:
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Medians of the first and of the last samples of a process."""
+    """What a process needs at least in its first and in its last samples: what it takes for a moment is no growth."""
 
     name: str
     early: Footprint
@@ -88,16 +87,16 @@ class Footprints:
         """Between the first and the last fifth of the samples."""
         fifth = max(1, self._count // 5)
         return [
-            Growth(name, _median(samples[:fifth]), _median(samples[-fifth:]))
+            Growth(name, _least(samples[:fifth]), _least(samples[-fifth:]))
             for (name, _), samples in self._samples.items()
             if len(samples) == self._count
         ]
 
 
-def _median(samples: list[Footprint]) -> Footprint:
+def _least(samples: list[Footprint]) -> Footprint:
     return Footprint(
-        median(s.resident_mb for s in samples),
-        median(s.own_mb for s in samples),
-        int(median(s.threads for s in samples)),
-        int(median(s.files for s in samples)),
+        min(s.resident_mb for s in samples),
+        min(s.own_mb for s in samples),
+        min(s.threads for s in samples),
+        min(s.files for s in samples),
     )
