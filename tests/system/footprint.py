@@ -12,7 +12,7 @@ _PROC = Path("/proc")
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """`own_mb` is what nobody else shares (USS): what the end of the process would free."""
+    """`own_mb` is what belongs to no file: what of a library is shared changes with whoever else has it open."""
 
     resident_mb: float
     own_mb: float
@@ -47,9 +47,8 @@ def footprint(pid: int) -> Footprint:
     for line in (folder / "smaps_rollup").read_text(encoding="utf-8").splitlines()[1:]:
         name, value, *_ = line.split()
         kb[name.rstrip(":")] = int(value)
-    own_kb = kb["Private_Clean"] + kb["Private_Dirty"]
     threads = len(list((folder / "task").iterdir()))
-    return Footprint(kb["Rss"] / 1024, own_kb / 1024, threads, len(list((folder / "fd").iterdir())))
+    return Footprint(kb["Rss"] / 1024, kb["Anonymous"] / 1024, threads, len(list((folder / "fd").iterdir())))
 
 
 def with_children(processes: Mapping[str, int]) -> dict[str, int]:
