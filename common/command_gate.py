@@ -1,11 +1,12 @@
 """What a process's bus does about commands where there are keys: seals those that it gives, judges those that it obeys.
 
-Without keys everything passes. What is refused is logged when the reason changes, and counted.
+Without keys everything passes. What is refused is counted and logged, the same once a second.
 """
 
 from __future__ import annotations
 
 import logging
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from common.codec import Envelope
 from common.config import Config
 from common.keys import COMMAND_ROLES, read_command_key
 from common.messages import TOPICS, Topic
+from common.repeats import Repeats
 from common.signing import Signer, Verifier, needs_seal
 
 _log = logging.getLogger(__name__)
@@ -23,11 +25,10 @@ class CommandGate:
     """Of the process `name`; raises StartError when it needs the command key and cannot read it."""
 
     def __init__(self, name: str, config: Config) -> None:
-        self.refused = 0
         self._robot = config.robot.name
         self._signer: Signer | None = None
         self._verifier: Verifier | None = None
-        self._refusal = ""  # why the newest command was refused, empty when it was not
+        self._repeats = Repeats()
         role = access.role_of(name)
         if not config.mesh.keys or role not in COMMAND_ROLES:
             return
@@ -61,12 +62,13 @@ class CommandGate:
             return False
         key = self._key(topic)
         refusal = self._verifier.refusal(key, envelope.boot_id, envelope.sequence, data, sealed)
-        if refusal:
-            self.refused += 1
-            if refusal != self._refusal:
-                _log.warning("a command was refused: %s topic=%s count=%d", refusal, topic.key, self.refused)
-        self._refusal = refusal
-        return bool(refusal)
+        if not refusal:
+            return False
+        complaint = f"a command was refused: {refusal} topic={topic.key}"
+        count = self._repeats.count(complaint, time.monotonic())
+        if count:
+            _log.warning("%s count=%d", complaint, count)
+        return True
 
     def _key(self, topic: Topic[Any]) -> str:
         return f"{self._robot}/{topic.key}"

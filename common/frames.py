@@ -18,7 +18,7 @@ import msgpack
 from common.codec import DecodeError, read_header
 
 RECENT_COUNT = 512
-RECENT_BYTES = 3_000_000  # of each topic: ten maps of a kilometre's drive
+RECENT_BYTES = 1_000_000  # of each topic: three maps of a kilometre's drive
 MESSAGE_BYTES_MAX = 16_000_000  # no message of ours is longer; a longer one is dropped unseen
 TAP_LENGTH = 4096  # messages that may wait for the node's thread
 KNOWN_BOOTS = 32  # restarts per topic that are remembered

@@ -399,6 +399,7 @@ def _topic(
 
 
 OFFBOARD = "recorder visualizer command_center"
+AT_ONCE = "and at once on change"
 
 ODOMETRY = _topic(
     "bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner recorder command_center", "lfc_sim_mmu"
@@ -412,8 +413,9 @@ CARRIER = _topic(
     Stance.LATEST,
     "planner comm recorder command_center",
     "lfc_pln_car",
+    AT_ONCE,
 )
-DRIVE = _topic("planner/drive", DriveCommand, SENSOR_RATE_HZ, Stance.COMMAND, "bridge recorder", "lfc_pln_car")
+DRIVE = _topic("planner/drive", DriveCommand, SENSOR_RATE_HZ, Stance.COMMAND, "bridge recorder", "lfc_pln_car", AT_ONCE)
 POSE = _topic(
     "mmu/pose",
     PoseEstimate,
@@ -440,7 +442,7 @@ TRAJECTORY = _topic(
 PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, Stance.STATE, OFFBOARD, note="for people")
 RETAKE = _topic("poi/request", PoiRequest, 0.0, Stance.COMMAND, "planner recorder", "lfc_poi_pln")
 POI = _topic("poi/record", PointOfInterest, 0.0, Stance.EVENT, OFFBOARD, "lfc_poi_cm lfc_cm_vsl")
-PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner poi {OFFBOARD}")
+PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner poi {OFFBOARD}", note=AT_ONCE)
 STOP = _topic("command_center/stop", StopRequest, 0.0, Stance.COMMAND, "bridge comm recorder", "lfc_cm_cc")
 OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, Stance.COMMAND, "planner recorder")
 OUTBOX = _topic(

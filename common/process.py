@@ -30,6 +30,7 @@ from common.config import Config, load_config
 from common.errors import StartError
 from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick, LogLine
 from common.zenoh_bus import ZenohBus
+from common.zenoh_log import OF_A_PEER, OF_A_ROUTER, ZenohOutput
 from common.zenoh_session import Mode
 
 _PR_SET_PDEATHSIG = 1
@@ -77,11 +78,11 @@ class StepTimer:
     """How long the steps of a node took, in `<name>.steps.json` at the end."""
 
     def __init__(self) -> None:
-        self._recent_s: deque[float] = deque(maxlen=_STEPS_KEPT)
+        self._recent_s = np.zeros(_STEPS_KEPT, np.float32)  # a ring, whole from the beginning: memory does not grow
         self._count, self._sum_s, self._max_s = 0, 0.0, 0.0
 
     def add(self, duration_s: float) -> None:
-        self._recent_s.append(duration_s)
+        self._recent_s[self._count % _STEPS_KEPT] = duration_s
         self._count += 1
         self._sum_s += duration_s
         self._max_s = max(self._max_s, duration_s)
@@ -90,7 +91,7 @@ class StepTimer:
         """Nothing when there was no step; raises OSError."""
         if not self._count:
             return
-        p99_s = float(np.percentile(np.array(self._recent_s), 99))
+        p99_s = float(np.percentile(self._recent_s[: self._count], 99))
         figures = {"mean_ms": self._sum_s / self._count, "p99_ms": p99_s, "max_ms": self._max_s}
         content = {name: round(1000 * value_s, 4) for name, value_s in figures.items()} | {"count": self._count}
         file.write_text(json.dumps(content) + "\n", encoding="utf-8")
@@ -132,13 +133,17 @@ def run(
     try:
         # A foreground has the terminal: not a line beside it
         bus_log = _set_up_log(name, arguments.log_dir, to_terminal=foreground is None)
+        zenoh_output: ZenohOutput | None = None
+        if foreground is None:
+            zenoh_output = ZenohOutput()
+            zenoh.init_log_from_env_or(OF_A_ROUTER if mode == "router" else OF_A_PEER)
         config = load_config(arguments.config)
         node = factory(config, arguments)
         clock = _make_clock(arguments, leads_clock)
         bus = ZenohBus(name, config, clock, mode)
         _join_clock(clock, bus, name)
         log.info("started pid=%d config=%s", os.getpid(), arguments.config)
-        loop = partial(_loop, node, bus, clock, stop, bus_log, steps)
+        loop = partial(_loop, node, bus, clock, stop, bus_log, zenoh_output, steps)
         if foreground is None:
             loop()
         else:
@@ -190,7 +195,13 @@ def _run_beside(loop: Callable[[], None], foreground: Callable[[], int], stop: t
 
 
 def _loop(
-    node: Node, bus: ZenohBus, clock: Clock, stop: threading.Event, bus_log: BusLogHandler, steps: StepTimer
+    node: Node,
+    bus: ZenohBus,
+    clock: Clock,
+    stop: threading.Event,
+    bus_log: BusLogHandler,
+    zenoh_output: ZenohOutput | None,
+    steps: StepTimer,
 ) -> None:
     log = logging.getLogger(node.name)
     due_s = clock.begin(stop)
@@ -202,6 +213,8 @@ def _loop(
         began_s = time.perf_counter()
         node.step(bus, now_s)
         steps.add(time.perf_counter() - began_s)
+        if zenoh_output is not None:
+            zenoh_output.tell(now_s)
         if node.name in LOG:
             bus_log.flush_to(bus, node.name, now_s)
         due_s = round(due_s + node.period_s, 9)
@@ -251,10 +264,7 @@ def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
 
 
 def _set_up_log(name: str, folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
-    """Everything from INFO on into the file (or to stderr without a folder) and to the bus; Zenoh's own errors too."""
-    if to_terminal:
-        # Of TLS the warnings too: a machine that was refused for its certificate
-        zenoh.init_log_from_env_or("error,zenoh_link_tls=warn")
+    """Everything from INFO on into the file (or to stderr without a folder) and to the bus."""
     handler: logging.Handler = logging.StreamHandler() if to_terminal else logging.NullHandler()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)

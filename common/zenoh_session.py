@@ -178,10 +178,7 @@ def direct(function: Callable[[Any], None]) -> Any:
 
 
 def watch_links(session: zenoh.Session) -> Any:
-    """Logs who joins with a certificate; keep the handle.
-
-    The rules drop without a word what a machine may not say, so that is said when it joins.
-    """
+    """Logs who joins with a certificate, and whether the rules let it command; keep the handle."""
     return session.info.declare_link_events_listener(direct(_tell_link))
 
 

@@ -147,8 +147,8 @@ def read_map(run_dir: Path) -> MapData:
     if (run_dir / MAP_POINTS_NAME).exists():
         points_m, inferred = read_map_points(run_dir / MAP_POINTS_NAME)
     trajectory = np.empty((0, 3))
-    for name in (TRAJECTORY_NAME, SMOOTHED_NAME):
-        if (run_dir / name).exists():
-            poses = read_tum(run_dir / name)[1]
-            trajectory = poses if len(poses) else trajectory
+    # The one of every pose grows without end: it is read only where it is needed
+    for name in (SMOOTHED_NAME, TRAJECTORY_NAME):
+        if not len(trajectory) and (run_dir / name).exists():
+            trajectory = read_tum(run_dir / name)[1]
     return MapData(points_m, inferred, trajectory, read_pois(run_dir / POIS_NAME))

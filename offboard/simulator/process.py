@@ -63,7 +63,6 @@ class SimulatorNode:
         self._frames = frames
         self._motors = MotorLog(motor_file) if motor_file is not None else None
         self._truth = LineFile(truth_file) if truth_file is not None else None
-        self._written = 0
         self._write_due_s = 0.0
         self._power_on_s: float | None = None  # on the shared clock
 
@@ -96,9 +95,9 @@ class SimulatorNode:
     def _write(self) -> None:
         if self._truth is None or self._power_on_s is None:
             return
-        new = self._simulation.world.truth_log[self._written :]
-        self._truth.append([tum_line(t_s + self._power_on_s, x, y, heading) for t_s, x, y, heading in new])
-        self._written += len(new)
+        log = self._simulation.world.truth_log
+        self._truth.append([tum_line(t_s + self._power_on_s, x, y, heading) for t_s, x, y, heading in log])
+        log.clear()
 
 
 def simulator_parser() -> argparse.ArgumentParser:

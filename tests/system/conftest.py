@@ -17,6 +17,7 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import BridgeSection, Config, MeshSection, config_text
+from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, PERMIT, Permit
 from common.zenoh_bus import ZenohBus
 
@@ -43,7 +44,7 @@ def until(condition: Callable[[], object], deadline_s: float = 10.0, what: objec
 
 
 def environment() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(ROOT)}
+    return os.environ | PROCESS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
 
 
 class Mesh:

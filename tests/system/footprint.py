@@ -6,14 +6,13 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 
 _PROC = Path("/proc")
 
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """`own_mb` is what nobody else shares (USS): what the end of the process would free."""
+    """`own_mb` is what belongs to no file: what of a library is shared changes with whoever else has it open."""
 
     resident_mb: float
     own_mb: float
@@ -23,7 +22,7 @@ class Footprint:
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Medians of the first and of the last samples of a process."""
+    """What a process needs at least in its first and in its last samples: what it takes for a moment is no growth."""
 
     name: str
     early: Footprint
@@ -48,9 +47,8 @@ def footprint(pid: int) -> Footprint:
     for line in (folder / "smaps_rollup").read_text(encoding="utf-8").splitlines()[1:]:
         name, value, *_ = line.split()
         kb[name.rstrip(":")] = int(value)
-    own_kb = kb["Private_Clean"] + kb["Private_Dirty"]
     threads = len(list((folder / "task").iterdir()))
-    return Footprint(kb["Rss"] / 1024, own_kb / 1024, threads, len(list((folder / "fd").iterdir())))
+    return Footprint(kb["Rss"] / 1024, kb["Anonymous"] / 1024, threads, len(list((folder / "fd").iterdir())))
 
 
 def with_children(processes: Mapping[str, int]) -> dict[str, int]:
@@ -88,16 +86,16 @@ class Footprints:
         """Between the first and the last fifth of the samples."""
         fifth = max(1, self._count // 5)
         return [
-            Growth(name, _median(samples[:fifth]), _median(samples[-fifth:]))
+            Growth(name, _least(samples[:fifth]), _least(samples[-fifth:]))
             for (name, _), samples in self._samples.items()
             if len(samples) == self._count
         ]
 
 
-def _median(samples: list[Footprint]) -> Footprint:
+def _least(samples: list[Footprint]) -> Footprint:
     return Footprint(
-        median(s.resident_mb for s in samples),
-        median(s.own_mb for s in samples),
-        int(median(s.threads for s in samples)),
-        int(median(s.files for s in samples)),
+        min(s.resident_mb for s in samples),
+        min(s.own_mb for s in samples),
+        min(s.threads for s in samples),
+        min(s.files for s in samples),
     )

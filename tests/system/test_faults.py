@@ -7,6 +7,7 @@ each of them is half of what is shown.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,12 +19,16 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import load_config
-from common.messages import PERMIT, PLAN
+from common.messages import LAPTOP_RECORDED, PERMIT, PLAN, ROBOT_RECORDED, TOPICS, Status, Topic
 from common.zenoh_bus import ZenohBus
 from offboard.simulator.process import MOTORS_NAME
+from tests.system.cable import Cable
+from tests.system.center import Center
 from tests.system.conftest import ROOT, children_of, environment, run_cli, until
+from tests.system.junk import huge, junk, throw
 from tests.system.main_thread import hold_main_thread, let_go
 from tests.system.motors import STOPPED_WITHIN_S, MotorLog
+from tests.system.recording import RobotMap
 
 pytestmark = pytest.mark.timeout(90)
 
@@ -46,7 +51,9 @@ class Running:
             )
         until(lambda: "mission has started" in self.output or self.process.poll() is not None, 40.0, "the start")
         assert self.process.poll() is None, self.output
-        self.bus = ZenohBus("watcher", load_config(self.config_file), FreeClock())
+        self.config = load_config(self.config_file)
+        self.bus = ZenohBus("watcher", self.config, FreeClock())
+        self.center = Center(self.config)
 
     @property
     def output(self) -> str:
@@ -56,7 +63,14 @@ class Running:
         result = run_cli(verb, "--config", str(self.config_file))
         assert result.returncode == 0, result.stderr
 
+    def names(self, victim: str) -> bool:
+        """The command center says who stops the robot: comm does, and of comm itself that it is not heard."""
+        permit = self.center.node.snapshot().permit
+        reason = permit.reason if permit is not None else ""
+        return victim in reason or (victim == "comm" and victim not in self.center.live())
+
     def close(self) -> None:
+        self.center.close()
         self.bus.close()
         self.process.terminate()
         self.process.wait(45.0)
@@ -103,11 +117,99 @@ def test_motors_are_off_half_a_second_after_a_fault_and_the_mission_goes_on(
         dead_after_s = mesh.motors.dead_after_s(hit_s)
         if hit is hold_main_thread:
             assert victim in mesh.bus.alive_tokens()
+        until(lambda: mesh.names(victim), what="the reason in the command center")
     finally:
         undo(pid)
     assert dead_after_s < STOPPED_WITHIN_S
     mesh.motors.await_driving(hit_s + dead_after_s)
     assert mesh.process.poll() is None, mesh.output
+
+
+@pytest.fixture(scope="module")
+def cable(mesh: Running) -> Iterator[Cable]:
+    """The bridge is on it."""
+    laid = Cable(Path(mesh.config.bridge.serial_port))
+    kill(children_of(mesh.run_dir)["bridge"])
+    killed_s = time.monotonic()
+    mesh.motors.await_driving(killed_s + mesh.motors.dead_after_s(killed_s))
+    yield laid
+    laid.close()
+
+
+@pytest.mark.requirement("CAR_MR_02")
+def test_motors_are_off_half_a_second_after_the_serial_line_is_cut_and_the_mission_goes_on(
+    mesh: Running, cable: Cable
+) -> None:
+    mesh.motors.await_driving()
+    cut_s = time.monotonic()
+    cable.whole = False
+    dead_after_s = mesh.motors.dead_after_s(cut_s)
+    assert dead_after_s < STOPPED_WITHIN_S
+    until(lambda: mesh.names("bridge"), what="the reason in the command center")
+    cable.whole = True
+    mesh.motors.await_driving(cut_s + dead_after_s)
+
+
+def test_mapping_goes_on_without_recorder_visualizer_and_command_center(mesh: Running) -> None:
+    mesh.motors.await_driving()
+    children = children_of(mesh.run_dir)
+    laptop = [children[name] for name in ("recorder", "visualizer")]
+    mesh.center.close()
+    robot = RobotMap(mesh.bus)
+    mesh.bus.take(PERMIT)
+    for pid in laptop:
+        freeze(pid)
+    try:
+        until(lambda: "recorder" not in mesh.bus.alive_tokens(), what="the loss of the recorder")
+        known, permits = len(robot.points()), []
+
+        def grown() -> bool:
+            permits.extend(mesh.bus.take(PERMIT))
+            return len(robot.points()) > known + 20
+
+        until(grown, 30.0, "more of the map")
+    finally:
+        for pid in laptop:
+            thaw(pid)
+        mesh.center = Center(mesh.config)
+    assert [permit.reason for permit in permits if not permit.granted] == []
+
+
+def readers(topic: Topic[object]) -> set[str]:
+    """The processes that look at it: the robot's messages reach the recorder through comm's outbox, where they are
+    judged, and of the laptop's status comm looks at none that it was not told to require."""
+    through_comm = {"recorder": "comm"} if topic in ROBOT_RECORDED else {}
+    found = {through_comm.get(consumer, consumer) for consumer in topic.consumers}
+    return found - {"comm"} if topic in LAPTOP_RECORDED and topic.payload is Status else found
+
+
+_REPORT = re.compile(r"(?:undecodable|no message) topic=(\S+)")
+
+
+@pytest.mark.parametrize(
+    "payloads",
+    [junk, pytest.param(huge, marks=[pytest.mark.slow, pytest.mark.timeout(300)])],
+)
+def test_what_is_no_message_is_reported_by_all_who_read_its_topic_and_the_mission_goes_on(
+    mesh: Running, payloads: Callable[[], list[bytes]]
+) -> None:
+    mesh.motors.await_driving()
+    children = children_of(mesh.run_dir)
+    logs = {name: mesh.run_dir / "process" / f"{name}.log" for name in children}
+    silent = {(reader, topic.key) for topic in TOPICS for reader in readers(topic) if reader in children}
+    begun = {name: file.stat().st_size for name, file in logs.items()}
+
+    def reported() -> bool:
+        # Again and again: the next sound message takes the place of one that nobody has looked at
+        throw(mesh.config, payloads(), sorted({key for _, key in silent}))
+        for name, file in logs.items():
+            found = _REPORT.findall(file.read_text(encoding="utf-8")[begun[name] :])
+            silent.difference_update((name, key) for key in found)
+        return not silent
+
+    until(reported, 120.0, silent)
+    mesh.motors.await_driving()
+    assert children_of(mesh.run_dir) == children
 
 
 @pytest.mark.requirement("CC_MR_04")

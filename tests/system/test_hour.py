@@ -1,8 +1,10 @@
-"""An hour of the whole mesh: memory flat, no thread and no file more than at the beginning.
+"""An hour of the whole mesh: memory flat, no thread and no file more than in the beginning.
 
-On the shared clock at five times the speed; `--mission-minutes` makes it shorter. What fills up to a limit (the newest
-messages of every producer, the times of the newest steps, the log file) has done so in the first third, which does not
-count. The table of all processes is left in `footprints.txt` of the test's folder.
+On the shared clock at five times the speed; `--mission-minutes` makes it shorter. The robot maps a small floor and then
+drives up and down in it until the hour is over. What grows with the floor (the map, and what is worked out from it) and
+what fills up to a limit (the newest messages of every producer, the times of the newest steps, the log file) has done
+so in the first quarter, which does not count. The table of all processes is left in `footprints.txt` of the test's
+folder.
 """
 
 from __future__ import annotations
@@ -12,12 +14,13 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from math import hypot
 from pathlib import Path
 
 import pytest
 
 from common.config import PoiSection, VisualizerSection, config_text, with_camera
-from common.messages import OPERATION, PLAN, STATUS, Operation, OperatorCommand
+from common.messages import OPERATION, PLAN, POSE, STATUS, Operation, OperatorCommand
 from deploy.process_table import BY_NAME
 from offboard.simulator.options import FLOORS
 from tests.system.conftest import Mesh, free_port, until
@@ -25,10 +28,11 @@ from tests.system.footprint import Footprints
 from tests.system.page import frames
 
 GROWTH_MAX_MB = 5.0
-SAMPLE_PERIOD_S = 10.0
+SAMPLE_PERIOD_S = 2.0
 SPEED = 5.0
 SHARED = ("--clock", "shared")
-FLOOR = "office"
+FLOOR = "straight"
+WARM_UP = 0.25
 
 
 @pytest.fixture
@@ -63,6 +67,25 @@ def look_at_page(mesh: Mesh) -> None:
         pass
 
 
+class Patrol:
+    """Once the mission is finished: drives the robot to where it was farthest from its start, and back, and again."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.legs = 0
+        self._bus = mesh.bus
+        self._start = self._end = (0.0, 0.0)
+        self.look()
+
+    def look(self) -> None:
+        pose, view = self._bus.latest(POSE), self._bus.latest(PLAN)
+        if pose is not None and hypot(pose.x_m, pose.y_m) > hypot(*self._end):
+            self._end = (pose.x_m, pose.y_m)
+        if view is not None and view.finished:
+            self.legs += 1
+            x_m, y_m = self._end if self.legs % 2 else self._start
+            self._bus.publish(OPERATION, OperatorCommand(view.t_s, Operation.GOTO, x_m, y_m))
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_an_hour_of_the_whole_mesh_leaves_memory_threads_and_files_as_they_were(
@@ -77,14 +100,20 @@ def test_an_hour_of_the_whole_mesh_leaves_memory_threads_and_files_as_they_were(
         return status.t_s if status is not None else 0.0
 
     pids = {name: process.pid for name, process in whole_mesh.processes.items()}
-    footprints, began_s = Footprints(), simulated_s()
+    footprints, patrol, began_s = Footprints(), Patrol(whole_mesh), simulated_s()
+    legs_before = 0
     while (passed_s := simulated_s() - began_s) < mission_s:
-        if passed_s > mission_s / 3:
+        patrol.look()
+        if passed_s > WARM_UP * mission_s:
             footprints.sample(pids)
+        else:
+            legs_before = patrol.legs
         next_s = time.monotonic() + SAMPLE_PERIOD_S
         until(lambda next_s=next_s: time.monotonic() > next_s, 2 * SAMPLE_PERIOD_S)
         ended = [name for name, process in whole_mesh.processes.items() if process.poll() is not None]
         assert ended == []
+    assert legs_before, "the floor was not mapped in time"
+    assert patrol.legs > legs_before, "the robot did not drive on"
     growths = footprints.growths()
     table = "\n".join(map(str, growths))
     (tmp_path / "footprints.txt").write_text(table + "\n", encoding="utf-8")

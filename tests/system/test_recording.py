@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import signal
 import sqlite3
 import subprocess
@@ -16,24 +15,22 @@ from pathlib import Path
 import msgpack
 import numpy as np
 import pytest
-import zenoh
 
 from common.clock import FreeClock
-from common.codec import CODEC_VERSION, encode
-from common.config import Config, load_config
+from common.config import load_config
 from common.errors import ErrorCode
 from common.frames import MESSAGE_BYTES_MAX
-from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, STATUS, TOPICS, Status
+from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, STATUS, TOPICS
 from common.zenoh_bus import ZenohBus
-from common.zenoh_session import Way, session_config
 from deploy.bench.relay import Relay
 from offboard.recorder.run_database import RunReader
 from tests.system.conftest import ROOT, Mesh, children_of, environment, run_cli, until
+from tests.system.junk import huge, junk, throw
 from tests.system.page import page_map
 from tests.system.recording import Recording, RobotMap, Said, recorded_map
 
 pytestmark = pytest.mark.timeout(120)
-BLOCK = zenoh.CongestionControl.BLOCK
+EVERY_TOPIC = [topic.key for topic in TOPICS]
 
 
 @pytest.fixture
@@ -180,22 +177,8 @@ def test_recorder_and_comm_killed_in_a_mission_leave_no_hole_and_no_double(
     assert {s for s in behind if s[0] not in {topic.key for topic in LAPTOP_RECORDED}} == set()
 
 
-def junk() -> list[bytes]:
-    """What is no message: random, cut off, of another version."""
-    chance = random.Random(1)
-    sound = encode(Status(1.0, "RUN", 0, 1, True, 1), 3, 77)
-    return [chance.randbytes(300), sound[:-4], msgpack.packb([CODEC_VERSION + 1, 1, 78, {}]), b""]
-
-
-def throw_at_every_topic(config: Config, payloads: list[bytes]) -> None:
-    with zenoh.open(session_config(Way("client", connect=(config.mesh.router,)))) as stranger:
-        for topic in TOPICS:
-            for payload in payloads:
-                stranger.put(f"{config.robot.name}/{topic.key}", payload, congestion_control=BLOCK)
-
-
 def test_junk_on_every_topic_is_counted_and_reported_and_nothing_falls_over(recording: Recording) -> None:
-    throw_at_every_topic(recording.mesh.config, [*junk(), bytes(MESSAGE_BYTES_MAX + 1)])
+    throw(recording.mesh.config, [*junk(), bytes(MESSAGE_BYTES_MAX + 1)], EVERY_TOPIC)
     until(recording.more(50), 30.0, "messages in the database again")
     for name in ("comm", "recorder"):
         assert recording.mesh.processes[name].poll() is None
@@ -216,7 +199,7 @@ def test_junk_on_every_topic_is_counted_and_reported_and_nothing_falls_over(reco
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_payload_of_100_megabytes_on_every_topic_changes_nothing(recording: Recording) -> None:
-    throw_at_every_topic(recording.mesh.config, [bytes(100_000_000)])
+    throw(recording.mesh.config, huge(), EVERY_TOPIC)
     until(recording.more(50), 120.0, "messages in the database again")
     said = recording.silence()
     with RunReader(recording.run_dir) as run:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
@@ -29,6 +30,7 @@ from common.messages import (
     Topic,
 )
 from common.zenoh_session import Way, direct, session_config
+from offboard.command_center.log_book import LogEntry
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import SOURCE
 from offboard.recorder.run_database import RunReader
@@ -57,6 +59,7 @@ class KeyedMesh(Mesh):
         self.config_file.write_text(config_text(self.config), encoding="utf-8")
         self.run_dir = folder / "run"
         self._center: Center | None = None
+        self._log: list[LogEntry] = []  # what the Command Center shows, since the last stop
 
     @property
     def center(self) -> Center:
@@ -74,9 +77,15 @@ class KeyedMesh(Mesh):
     def keyed(self, topic: Topic[object]) -> str:
         return f"{self.config.robot.name}/{topic.key}"
 
-    def said(self, text: str) -> bool:
-        """In comm's log, or by Zenoh about comm's links."""
-        return any(text in (self.folder / name).read_text(encoding="utf-8") for name in ("comm.log", "comm.stdout"))
+    def await_complaints(self, *texts: str, by: str = "comm") -> None:
+        """Until a module has said these in the command center's log, since the last stop."""
+
+        def heard() -> bool:
+            self._log += self.center.node.take_log()
+            lines = [entry.message for entry in self._log if entry.module == by]
+            return all(any(text in line for line in lines) for text in texts)
+
+        until(heard, what=texts)
 
     def stop(self) -> None:
         """The rightful stop, held by the robot; the planner knows of it too."""
@@ -87,6 +96,8 @@ class KeyedMesh(Mesh):
             return drive is not None and drive.speed is Speed.STOP
 
         until(lambda: self.latched and self.standing and planner_stands(), what="the stop")
+        self.center.node.take_log()
+        self._log.clear()
 
     def go(self) -> None:
         """Until the robot moves, whatever was before."""
@@ -153,6 +164,10 @@ def orders(mesh: KeyedMesh) -> list[Sealed]:
     return [(mesh.keyed(topic), encode(payload, sequence, boot_id), None) for topic, payload in wanted]
 
 
+def no_right(speaker: str, topic: Topic[Any]) -> str:
+    return f"a message was refused: it has no right to it {speaker} topic={topic.key}"
+
+
 def put_all(session: zenoh.Session, messages: list[Sealed]) -> Callable[[], None]:
     def send() -> None:
         for key, data, sealed in messages:
@@ -195,7 +210,7 @@ def test_a_viewers_certificate_sees_the_robot_and_moves_nothing(keyed: KeyedMesh
         assert keyed.withstands(put_all(viewer, orders(keyed)))
         assert len(seen) >= 3
         ear.undeclare()
-    assert keyed.said("certificate=viewer commands=refused")
+    keyed.await_complaints(*(no_right("certificate=viewer", topic) for topic in (STOP, OPERATION, PERMIT, DRIVE)))
 
 
 def own_address() -> str:
@@ -239,7 +254,7 @@ def test_without_a_certificate_of_the_authority_nobody_gets_in(
     with pytest.raises(zenoh.ZError):
         zenoh.open(config)
     assert keyed.standing
-    assert keyed.said(said)
+    keyed.await_complaints(said)
 
 
 def test_an_unsigned_release_is_refused_even_with_the_right_certificate_and_on_the_board_itself(
@@ -250,7 +265,8 @@ def test_an_unsigned_release_is_refused_even_with_the_right_certificate_and_on_t
     for way in (keyed.by_tls(keyed.keys / "command_center"), Way("client", connect=(keyed.config.mesh.router,))):
         with zenoh.open(session_config(way)) as session:
             assert keyed.withstands(put_all(session, commands))
-    assert keyed.said("a command was refused: it is not signed")
+        for module, topic in (("comm", STOP), ("bridge", STOP), ("planner", OPERATION)):
+            keyed.await_complaints(f"a command was refused: it is not signed topic={topic.key}", by=module)
 
 
 @pytest.fixture
@@ -282,7 +298,9 @@ def recorded(keyed: KeyedMesh) -> list[Sealed]:
 def test_a_recorded_release_that_is_sent_again_does_nothing(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
     with zenoh.open(session_config(keyed.by_tls(keyed.keys / "command_center"))) as thief:
         assert keyed.withstands(put_all(thief, recorded))
-    assert keyed.said("a command was refused: it was obeyed already, and is sent again")
+    for module, topic in (("comm", STOP), ("planner", OPERATION)):
+        text = f"a command was refused: it was obeyed already, and is sent again topic={topic.key}"
+        keyed.await_complaints(text, by=module)
 
 
 def test_a_planner_that_was_started_anew_obeys_no_recorded_command(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
@@ -299,7 +317,11 @@ def test_a_planner_that_was_started_anew_obeys_no_recorded_command(keyed: KeyedM
 def test_a_release_relayed_through_the_laptops_router_does_nothing(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
     with zenoh.open(session_config(Way("client", connect=(keyed.config.mesh.laptop_router,)))) as relayed:
         assert keyed.withstands(put_all(relayed, [*orders(keyed), *recorded]))
-    assert keyed.said("certificate=laptop commands=refused")
+    keyed.await_complaints(no_right("from=loopback", STOP), no_right("from=loopback", OPERATION), by="recorder")
+    # And by a router that relays whatever it is told
+    with zenoh.open(session_config(keyed.by_tls(keyed.keys / "laptop"))) as relay:
+        assert keyed.withstands(put_all(relay, [*orders(keyed), *recorded]))
+    keyed.await_complaints(no_right("certificate=laptop", STOP), no_right("certificate=laptop", OPERATION))
 
 
 def test_missing_keys_are_one_sentence_and_exit_code_2(mesh: Mesh, tmp_path: Path) -> None:

@@ -1,0 +1,103 @@
+"""Zenoh's own log -> the process's log, and with it the command center: what it refuses nobody else can tell.
+
+Zenoh writes to standard output alone; that leads into a file in memory, which never keeps it waiting and is read in the
+node's loop. What the access rules refuse stands among all that they judge; the rest is left out again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import re
+from collections import OrderedDict
+
+from common.messages import TOPICS
+from common.repeats import Repeats
+
+_RULES = "zenoh::net::routing::interceptor::access_control"
+# Errors, who is refused for his certificate, whose link the rules do not know
+OF_A_PEER = f"error,zenoh_link_tls=warn,{_RULES}=info"
+# And every message that the rules refuse
+OF_A_ROUTER = f"error,zenoh_link_tls=warn,{_RULES}=trace"
+
+_READ_BYTES = 16_384  # at a time, ten times what a router says of ordinary messages: a flood must not stop the loop
+_FILE_BYTES = 1_000_000  # read; then it is emptied, with what nobody could follow
+_LINKS_KEPT = 256
+_STDOUT = 1
+
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_LINE = re.compile(r"\S+ +(?P<level>ERROR|WARN|INFO) .*?(?P<source>zenoh\w*)\S*: (?P<text>.*?)(?: at /\S+)?$")
+_REFUSAL = re.compile(
+    r"(?P<thread>ThreadId\(\d+\)) \S+: (?:Using cached result: )?(?P<link>\w+)(?: on (?P<subject>\S+))?"
+    r" is unauthorized to (?P<act>Put|Reply) \(ingress\) on [^/\s]+/(?P<key>\S+)"
+)
+_CERTIFICATE = re.compile(r"CertCommonName\((\w+)\)")
+_NUMBER = re.compile(r"[0-9a-f]*\d[0-9a-f]*")
+_KEYS = frozenset(topic.key for topic in TOPICS)
+
+_log = logging.getLogger("zenoh")
+
+
+class ZenohLog:
+    """Tells what in Zenoh's lines is for people."""
+
+    def __init__(self) -> None:
+        self._repeats = Repeats()
+        self._speakers: OrderedDict[str, str] = OrderedDict()  # Zenoh's id of who is linked -> what he is known by
+        self._rights: dict[str, tuple[str, str]] = {}  # thread -> id and key whose rights it may be working out
+        self._rest = ""
+
+    def hear(self, written: str, now_s: float) -> None:
+        """The next piece of what Zenoh wrote; a line may be cut anywhere."""
+        *lines, self._rest = (self._rest + written).split("\n")
+        for coloured in lines:
+            if "TRACE" in coloured and "unauthorized" not in coloured:
+                continue
+            line = _COLOUR.sub("", coloured)
+            if refusal := _REFUSAL.search(line):
+                self._hear_refusal(refusal, now_s)
+            elif found := _LINE.match(line):
+                self._tell(logging.getLevelNamesMapping()[found["level"]], f"{found['source']}: {found['text']}", now_s)
+
+    def _hear_refusal(self, refusal: re.Match[str], now_s: float) -> None:
+        link, key, thread = refusal["link"], refusal["key"], refusal["thread"]
+        if refusal["subject"] and link not in self._speakers:
+            certificate = _CERTIFICATE.search(refusal["subject"])
+            self._speakers[link] = f"certificate={certificate[1]}" if certificate else "from=loopback"
+            if len(self._speakers) > _LINKS_KEPT:
+                self._speakers.popitem(last=False)
+        # When a link declares a key, all rights are worked out in one go, to reply before to put: nothing was said yet
+        if refusal["act"] == "Reply":
+            self._rights[thread] = link, key
+        elif self._rights.pop(thread, None) != (link, key):
+            topic = key if key in _KEYS else "other"
+            speaker = self._speakers.get(link, "from=unknown")
+            self._tell(logging.WARNING, f"a message was refused: it has no right to it {speaker} topic={topic}", now_s)
+
+    def _tell(self, level: int, text: str, now_s: float) -> None:
+        count = self._repeats.count(_NUMBER.sub("", text), now_s)
+        if count:
+            _log.log(level, "%s count=%d", text, count)
+
+
+class ZenohOutput:
+    """From its making on, this process's standard output as a file in memory, and what Zenoh says there."""
+
+    def __init__(self) -> None:
+        self._log = ZenohLog()
+        self._file = os.memfd_create("stdout")
+        fcntl.fcntl(self._file, fcntl.F_SETFL, os.O_APPEND)
+        os.dup2(self._file, _STDOUT)
+        self._read_bytes = 0
+
+    def tell(self, now_s: float) -> None:
+        """Logs what was said since the last call, or a part of it."""
+        written = os.pread(self._file, _READ_BYTES, self._read_bytes)
+        if not written:
+            return
+        self._log.hear(written.decode(errors="replace"), now_s)
+        self._read_bytes += len(written)
+        if self._read_bytes >= _FILE_BYTES:
+            os.ftruncate(self._file, 0)
+            self._read_bytes = 0

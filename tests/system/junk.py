@@ -1,0 +1,33 @@
+"""What is no message, and how it gets to everybody."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+
+import msgpack
+import zenoh
+
+from common.codec import CODEC_VERSION, encode
+from common.config import Config
+from common.messages import Status
+from common.zenoh_session import Way, session_config
+
+
+def junk() -> list[bytes]:
+    """Random, cut off, of another version, nothing."""
+    chance = random.Random(1)
+    sound = encode(Status(1.0, "RUN", 0, 1, True, 1), 3, 77)
+    return [chance.randbytes(300), sound[:-4], msgpack.packb([CODEC_VERSION + 1, 1, 78, {}]), b""]
+
+
+def huge() -> list[bytes]:
+    return [bytes(100_000_000)]
+
+
+def throw(config: Config, payloads: list[bytes], keys: Iterable[str]) -> None:
+    """Each payload at each topic, once."""
+    with zenoh.open(session_config(Way("client", connect=(config.mesh.router,)))) as stranger:
+        for key in keys:
+            for payload in payloads:
+                stranger.put(f"{config.robot.name}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
