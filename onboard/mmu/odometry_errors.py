@@ -50,7 +50,7 @@ class OdometryErrors:
 GYRO_LED = OdometryErrors(
     radians(0.05),
     0.003,
-    DriftPrior(radians(0.06), None, 0.004, LENGTH_SD),
+    DriftPrior(radians(0.06), None, 0.006, LENGTH_SD),
     along_m=0.001,
     along_m_per_sqrt_m=0.01,
 )

@@ -17,6 +17,7 @@ from onboard.mmu.walls import WallPiece, continuation, fit_piece
 RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
 RIGHT_ANGLES_SHARE = 0.9
 RIGHT_ANGLES_NEAR_RAD = radians(2.5)
+RIGHT_ANGLES_NEAR_MAX_RAD = radians(6.0)
 RIGHT_ANGLES_SD_RAD = radians(0.4)  # of one piece: it is known to 0.2, and neighbouring pieces say the same
 APPROACH_OFF_RAD = radians(8.0)  # a way that departs further from the walls' directions is no square approach
 APPROACH_SD_M = 0.015
@@ -34,6 +35,7 @@ class WallTies:
     _trail: Trail
     _pieces: list[WallPiece] = field(default_factory=list)
     _right_angles: RightAngles = field(default_factory=RightAngles)  # weight: metres of wall
+    _upright: int = 0  # key frame of the newest piece at a right angle
     _length_information: float = LENGTH_SD**-2  # of how much longer the way is than the wheels say
 
     def look_ahead(self, approaches: FloatArray) -> None:
@@ -130,11 +132,20 @@ class WallTies:
         for one in self._pieces if begins else [piece]:
             pose = self._trail.graph.pose(one.node)
             off_rad = self._off_right_angles(pose.heading_rad + one.normal_rad)
-            if abs(off_rad) <= RIGHT_ANGLES_NEAR_RAD:
+            if abs(off_rad) <= self._near_rad(one.node):
+                self._upright = one.node
                 heading_rad = wrap_angle(pose.heading_rad - off_rad - self._walls_rad)
                 upright = Pose2(pose.x_m, pose.y_m, heading_rad)
                 information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
                 self._trail.graph.edges.append(Edge(0, one.node, upright, information, Kind.BEARING))
+
+    def _near_rad(self, node: int) -> float:
+        """How far a piece may be off a right angle: more, the more the heading may have lost since the last that was."""
+        frame, last = self._trail.frames[node], self._trail.frames[self._upright]
+        drift = self._trail.errors.drift
+        turned_rad, way_m = abs(frame.turned_rad - last.turned_rad), abs(frame.way_m - last.way_m)
+        lost_rad = 2 * drift.rad_per_rad * turned_rad + drift.rad_per_m * way_m
+        return min(RIGHT_ANGLES_NEAR_RAD + lost_rad, RIGHT_ANGLES_NEAR_MAX_RAD)
 
     @property
     def _square(self) -> bool:
