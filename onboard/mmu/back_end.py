@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from onboard.mmu.key_frames import Correction, Increment
+from onboard.mmu.key_frames import Correction, FrameStore, Increment
 from onboard.mmu.loop_ties import LoopTies
 from onboard.mmu.near_ties import NearTies
 from onboard.mmu.odometry_errors import GYRO_LED, UNKNOWN
@@ -28,6 +28,11 @@ class BackEnd:
         self._near = None if gyro_led else NearTies(self._trail)
         self._walls, self._loops = WallTies(self._trail), LoopTies(self._trail)
         self._matched_m = 0.0
+
+    @property
+    def echoes(self) -> FrameStore:
+        """All that were taken in."""
+        return self._trail.echoes
 
     def take(self, increment: Increment) -> Correction:
         """One round of work on what is new."""

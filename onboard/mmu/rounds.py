@@ -26,7 +26,7 @@ class Rounds:
         self._back_end = BackEnd(gyro_led)
         self._file = map_file
         self._frames: list[KeyFrame] = []
-        self._echoes, self._rays = FrameStore(), FrameStore()
+        self._rays = FrameStore()
         self._drawn: FloatArray = np.zeros((0, 3))  # poses that the grid was drawn with
         self._drawn_way_m = 0.0  # way at which the walls were drawn
         self._saved = (float("-inf"), 0)  # when, and how many closures there were
@@ -35,7 +35,6 @@ class Rounds:
     def take(self, increment: Increment) -> Correction:
         """The back end's correction, with new grid and walls where the old ones are too far off."""
         self._frames.extend(increment.frames)
-        self._echoes.append(increment.echoes)
         self._rays.append(increment.rays)
         correction = self._back_end.take(increment)
         moved = correction.poses[: len(self._drawn), :2] - self._drawn[:, :2]
@@ -54,7 +53,7 @@ class Rounds:
 
     def _draw_grid(self, poses: FloatArray) -> OccupancyGrid:
         grid = OccupancyGrid()
-        echoes, rays = self._echoes.rows(), self._rays.rows()
+        echoes, rays = self._back_end.echoes.rows(), self._rays.rows()
         if len(echoes):
             grid.add_walls(*in_map(echoes, poses))
         if len(rays):
@@ -65,7 +64,7 @@ class Rounds:
 
     def _draw_walls(self, poses: FloatArray) -> WallPoints:
         rays = self._rays.rows()
-        echoed, normals = in_map(self._echoes.rows(), poses)
+        echoed, normals = in_map(self._back_end.echoes.rows(), poses)
         starts, directions = in_map(rays, poses)
         return WallPoints.of(echoed, concluded(echoed, normals, Rays(starts, directions, rays[:, 5])))
 
@@ -80,5 +79,5 @@ class Rounds:
         self._saved = now_s, correction.closures
         times_s = np.array([f.t_s for f in self._frames])
         ways_m = np.array([f.way_m for f in self._frames])
-        rows = self._echoes.rows(), self._rays.rows()
+        rows = self._back_end.echoes.rows(), self._rays.rows()
         try_save(self._file, SavedMap(times_s, correction.poses, ways_m, *rows, increment.last))

@@ -164,7 +164,7 @@ class Slam:
 
     def map_points(self, start: int) -> WallPoints:
         """The map's wall points from the `start`-th on; those of a revision lie where they lay when they came."""
-        rows = self._echoes.rows(self._placed)[:PLACE_ECHOES]
+        rows = self._echoes.rows(self._placed, self._placed + PLACE_ECHOES)
         self._walls.append(WallPoints.of(in_map(rows, self._poses.array)[0], np.zeros((0, 2))))
         self._placed += len(rows)
         return self._walls.since(start)
@@ -176,10 +176,10 @@ class Slam:
 
     def _draw(self) -> None:
         """Bring the grid up to the newest echoes and rays."""
-        echoes = self._echoes.rows(self._drawn[0])[:DRAW_ECHOES]
+        echoes = self._echoes.rows(self._drawn[0], self._drawn[0] + DRAW_ECHOES)
         if len(echoes):
             self.grid.add_walls(*in_map(echoes, self._poses.array))
-        rays = self._rays.rows(self._drawn[1])[:DRAW_RAYS]
+        rays = self._rays.rows(self._drawn[1], self._drawn[1] + DRAW_RAYS)
         if len(rays):
             starts, directions = in_map(rays, self._poses.array)
             self.grid.add_rays(starts, directions, rays[:, 5])
@@ -219,8 +219,8 @@ class Slam:
         approaches, self._approaches = ([], self._approaches) if known else (self._approaches, [])
         return Increment(
             tuple(self._frames[start[0] : end[0]]),
-            self._echoes.rows(start[1])[: end[1] - start[1]].copy(),
-            self._rays.rows(start[2])[: end[2] - start[2]].copy(),
+            self._echoes.rows(start[1], end[1]),
+            self._rays.rows(start[2], end[2]),
             None if last is None else LastSeen(last.session, board_pose(last), self.pose),
             known,
             np.array(approaches).reshape(-1, 7),

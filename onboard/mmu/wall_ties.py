@@ -140,7 +140,7 @@ class WallTies:
                 self._trail.graph.edges.append(Edge(0, one.node, upright, information, Kind.BEARING))
 
     def _near_rad(self, node: int) -> float:
-        """How far a piece may be off a right angle: more, the more the heading may have lost since the last that was."""
+        """How far off a right angle a piece may be: the further, the more the heading may have lost since the last."""
         frame, last = self._trail.frames[node], self._trail.frames[self._upright]
         drift = self._trail.errors.drift
         turned_rad, way_m = abs(frame.turned_rad - last.turned_rad), abs(frame.way_m - last.way_m)
