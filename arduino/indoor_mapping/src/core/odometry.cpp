@@ -7,6 +7,8 @@ namespace {
 
 // One degree of yaw: 65.5 counts * 2^8 * 10^6 us
 const int64_t kDegree = static_cast<int64_t>(config::kGyroLsbPer10Dps) * 256 * 100000;
+const float kRadian = kDegree * 57.29578f;
+const float kRadianPerSecond_q16 = config::kGyroLsbPer10Dps * 5.729578f * 65536;  // counts
 const int64_t kFullTurn = kDegree * 360;
 // A sample's own variance is 1 (q16: 65536); the bias walks by 1/65536 of it per sample
 const uint32_t kBiasWalk_q16 = 1;
@@ -68,9 +70,22 @@ void Gyro::sample(int16_t raw, uint32_t dt_us, bool still) {
     return;
   }
   // Trapezoid; halved to q8 of counts
-  yaw_ += static_cast<int64_t>((before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us;
+  turn(static_cast<int64_t>((before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us);
+}
+
+void Gyro::turn(int64_t angle) {
+  yaw_ += angle;
   if (yaw_ >= kFullTurn) yaw_ -= kFullTurn;
   if (yaw_ < 0) yaw_ += kFullTurn;
+}
+
+void Gyro::correct(const Drift& drift) {
+  turn(static_cast<int64_t>(drift.yaw_rad * kRadian));
+  bias_q16_ -= static_cast<int32_t>(drift.rate_rad_s * kRadianPerSecond_q16);
+}
+
+float Gyro::bias_variance() const {
+  return variance_q16_ / 65536.0f * config::kGyroNoise_rad_s * config::kGyroNoise_rad_s;
 }
 
 int32_t Gyro::yaw_cdeg() const { return static_cast<int32_t>(yaw_ / (kDegree / 100)); }
@@ -114,8 +129,14 @@ void Odometry::update(hal::Hal& hardware, uint32_t now_us, bool motors_off) {
   }
 
   const int32_t yaw_cdeg = gyro_.yaw_cdeg();
+  const int32_t turn_cdeg = wrap_cdeg(yaw_cdeg - last_yaw_cdeg_);
+  if (standing()) {
+    walls_.stand(gyro_.bias_variance());
+  } else {
+    walls_.move(dt_us, moved, turn_cdeg);
+  }
   if (moved) {
-    const int32_t middle_cdeg = last_yaw_cdeg_ + wrap_cdeg(yaw_cdeg - last_yaw_cdeg_) / 2;
+    const int32_t middle_cdeg = last_yaw_cdeg_ + turn_cdeg / 2;
     const int64_t distance_nm = static_cast<int64_t>(moved) * (config::kTick_nm / 2);
     x_nm_ += (distance_nm * cosine_q14(middle_cdeg)) / 16384;
     y_nm_ += (distance_nm * sine_q14(middle_cdeg)) / 16384;
