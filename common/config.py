@@ -10,12 +10,13 @@ import dataclasses
 import re
 import tomllib
 from dataclasses import dataclass, field
-from math import degrees, radians
+from math import degrees, pi, radians
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from common.constants import (
     CAMERA_FIELD_OF_VIEW_RAD,
+    ENCODER_TICKS_PER_TURN,
     PLANNER_CLEARANCE_M,
     SONAR_BEARINGS_RAD,
     SONAR_COUNT,
@@ -59,6 +60,11 @@ class WheelsSection:
 
     diameter_m: float = WHEEL_DIAMETER_M
     track_m: float = WHEEL_TRACK_M
+
+    @property
+    def tick_m(self) -> float:
+        """What a wheel rolls in one tick of its encoder."""
+        return pi * self.diameter_m / ENCODER_TICKS_PER_TURN
 
 
 @dataclass(frozen=True, slots=True)

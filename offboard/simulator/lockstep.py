@@ -29,7 +29,7 @@ from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
 from onboard.mmu.deferred_worker import DeferredWorker
-from onboard.mmu.mmu import MappingUnit
+from onboard.mmu.mmu import MappingUnit, carrier_of
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi, reader_of
 from onboard.poi.reading_worker import DeferredReading
@@ -135,7 +135,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     back_end = DeferredWorker()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
-        MappingUnit(back_end, config.sonars.bearings_rad),
+        MappingUnit(back_end, carrier_of(config)),
         Planner(config.has_camera) if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
         Comm(config.comm, outbox=outbox),
     ]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from common.bus import Bus, alive
 from common.config import Config
-from common.constants import MAP_RATE_MAX_HZ, MAP_TOLERANCE_M, SONAR_BEARINGS_RAD
+from common.constants import MAP_RATE_MAX_HZ, MAP_TOLERANCE_M
 from common.errors import ErrorCode
 from common.messages import (
     GRID,
@@ -26,7 +26,7 @@ from common.messages import (
 from common.status import StatusReporter
 from onboard.mmu.grid_press import GridPress
 from onboard.mmu.map_file import MAP_NAME, SavedMap, load_map
-from onboard.mmu.slam import Carrier, Slam
+from onboard.mmu.slam import ROBOT, Carrier, Slam
 from onboard.mmu.worker import ProcessWorker, Worker
 
 GRID_PERIOD_S = 1.0
@@ -43,11 +43,11 @@ class MappingUnit:
     def __init__(
         self,
         worker: Worker,
-        bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD,
+        carrier: Carrier = ROBOT,
         saved: SavedMap | None = None,
     ) -> None:
         """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
-        self._slam = Slam(worker, Carrier(bearings_rad), saved)
+        self._slam = Slam(worker, carrier, saved)
         self._status = StatusReporter(self.name)
         self._map_sent_s = self._grid_begun_s = self._trajectory_sent_s = -math.inf
         self._sent_points = 0
@@ -116,8 +116,13 @@ class MappingUnit:
             bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
 
 
+def carrier_of(config: Config) -> Carrier:
+    """This very robot, as it was calibrated."""
+    return Carrier(config.sonars.bearings_rad, tick_m=config.wheels.tick_m, track_m=config.wheels.track_m)
+
+
 def make_mapping_unit(config: Config, arguments: argparse.Namespace) -> MappingUnit:
     """The node of the process; the map stands in the log folder, and a process that comes back goes on in it."""
     folder: Path | None = arguments.log_dir
     file = folder / MAP_NAME if folder else None
-    return MappingUnit(ProcessWorker(file), config.sonars.bearings_rad, load_map(file) if file else None)
+    return MappingUnit(ProcessWorker(file), carrier_of(config), load_map(file) if file else None)

@@ -15,7 +15,7 @@ from math import inf, isfinite, pi, radians
 
 import numpy as np
 
-from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M
+from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M, TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
 from common.messages import Odometry, Ranges
 from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, LastSeen, PoseStore, in_map
@@ -45,6 +45,8 @@ class Carrier:
     bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD
     range_step_m: float = SONAR_STEP_M
     beam_half_rad: float = BEAM_HALF_RAD
+    tick_m: float = TICK_M
+    track_m: float = WHEEL_TRACK_M
 
 
 ROBOT = Carrier()
@@ -55,7 +57,7 @@ class Slam:
 
     def __init__(self, worker: Worker, carrier: Carrier = ROBOT, saved: SavedMap | None = None) -> None:
         """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
-        self._odometry = OdometryFilter()
+        self._odometry = OdometryFilter(carrier.track_m, carrier.tick_m)
         self._surroundings = Surroundings(carrier.bearings_rad, carrier.range_step_m, carrier.beam_half_rad)
         self._worker = worker
         self._beams = len(carrier.bearings_rad)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from math import cos, degrees, inf, pi, sin
+from math import degrees, inf, pi
 from pathlib import Path
 
 import pytest
@@ -23,8 +23,12 @@ from offboard.simulator.pty_port import PtyPort
 from offboard.simulator.serial_line import SerialLine
 from offboard.simulator.world import STEP_S, World
 from offboard.tools.umbmark import end_point, fit_wheels
-from onboard.bridge.protocol import CarState
+from onboard.bridge.protocol import CarState, Odo
 from onboard.bridge.serial_port import SerialPort
+from onboard.bridge.translation import odometry
+from onboard.mmu.deferred_worker import DeferredWorker
+from onboard.mmu.mmu import carrier_of
+from onboard.mmu.slam import Slam
 from tests.firmware.course import open_hall
 
 NO_SLIP = replace(PROFILES["realistic"], slip_sd_per_sqrt_m=0.0, bump_spacing_m=inf)
@@ -112,20 +116,22 @@ def test_nothing_moves_without_being_allowed(stand: Stand) -> None:
     assert stand.world.board.outputs() == (0, 0, False)
 
 
-def test_squares_both_ways_find_wheels_and_track(stand: Stand, tmp_path: Path) -> None:
+def person_with_tape_measure(stand: Stand) -> Callable[[str], str]:
     begin: list[Pose2] = []
 
     def person(question: str) -> str:
         if "Enter" in question:
             begin.append(stand.world.truth)
             return ""
-        start, now = begin[-1], stand.world.truth
-        dx_m, dy_m = now.x_m - start.x_m, now.y_m - start.y_m
-        c, s = cos(start.heading_rad), sin(start.heading_rad)
+        moved = begin[-1].between(stand.world.truth)
         # A tape measure is good for half a centimetre
-        return f"{round(200 * (c * dx_m + s * dy_m)) / 2},{round(200 * (c * dy_m - s * dx_m)) / 2}"
+        return f"{round(200 * moved.x_m) / 2},{round(200 * moved.y_m) / 2}"
 
-    fit = calibrate_wheels(stand.session, 2.0, 2, person, stand.told.append)
+    return person
+
+
+def test_squares_both_ways_find_wheels_and_track(stand: Stand, tmp_path: Path) -> None:
+    fit = calibrate_wheels(stand.session, 2.0, 2, person_with_tape_measure(stand), stand.told.append)
     errors = stand.world.errors
     assert fit.diameter_m == pytest.approx(
         0.066 * (errors.left_diameter_factor + errors.right_diameter_factor) / 2, rel=0.004
@@ -135,6 +141,29 @@ def test_squares_both_ways_find_wheels_and_track(stand: Stand, tmp_path: Path) -
     written = tmp_path / "robot.toml"
     written.write_text(config_text(_calibrated(Config(), fit)), encoding="utf-8")
     assert load_config(written).wheels.track_m == pytest.approx(fit.track_m, abs=1e-5)
+
+
+def test_a_robot_with_other_wheels_measures_right_once_they_are_calibrated(tmp_path: Path) -> None:
+    stand = Stand(replace(NO_SLIP, diameter_mean_sd=0.05), seed=2)
+    stand.session.connect()
+    file = tmp_path / "robot.toml"
+    fit = calibrate_wheels(stand.session, 2.0, 1, person_with_tape_measure(stand), stand.told.append)
+    file.write_text(config_text(_calibrated(Config(), fit)), encoding="utf-8")
+    before, after = (Slam(DeferredWorker(), carrier_of(config)) for config in (Config(), load_config(file)))
+
+    start = stand.world.truth
+    for speed, seconds in ((Speed.MEDIUM, 10.0), (Speed.STOP, 2.0)):
+        stand.session.link.drive(speed, stand.session.link.odo.yaw_cdeg / 100.0)
+        end_s = stand.world.time_s + seconds
+        while stand.world.time_s < end_s:
+            for odo in [message for message in stand.session.step() if isinstance(message, Odo)]:
+                for slam in (before, after):
+                    slam.add_odometry(odometry(odo, stand.world.time_s, 0, imu_works=True))
+    driven_m = start.distance_m(stand.world.truth)
+    assert driven_m > 1.0
+    assert after.pose.x_m == pytest.approx(driven_m, abs=0.01)
+    assert abs(before.pose.x_m - driven_m) > 0.05
+    stand.close()
 
 
 def test_turns_on_the_spot_find_the_scale_of_the_gyro(stand: Stand) -> None:
