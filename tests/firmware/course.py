@@ -17,14 +17,19 @@ from onboard.bridge.protocol import Message
 
 
 def open_hall(length_m: float, width_m: float) -> Any:
+    return hall([(0, 0), (length_m, 0), (length_m, width_m), (0, width_m)], (2.0, width_m / 2))
+
+
+def hall(outline_m: list[tuple[float, float]], start_m: tuple[float, float]) -> Any:
+    """A floor of that outline, counter-clockwise; the robot starts along x."""
     content: dict[str, Any] = {
         "name": "hall",
         "units": "m",
         "wall_colour_rgb": [230, 230, 230],
-        "corridor": {"exterior": [[0, 0], [length_m, 0], [length_m, width_m], [0, width_m]], "holes": []},
+        "corridor": {"exterior": [list(corner_m) for corner_m in outline_m], "holes": []},
         "doors": [],
         "posters": [],
-        "starts": [{"x_m": 2.0, "y_m": width_m / 2, "heading_deg": 0.0}],
+        "starts": [{"x_m": start_m[0], "y_m": start_m[1], "heading_deg": 0.0}],
     }
     return parse_floor(content, "hall")
 
@@ -38,11 +43,11 @@ class Course:
         seed: int,
         errors: str | ErrorProfile = "realistic",
         *,
-        size_m: tuple[float, float] = (20, 6),
+        floor: Any = None,
     ) -> None:
         profile = PROFILES[errors] if isinstance(errors, str) else errors
         line = SerialLine(profile, random_stream(seed, "serial"))
-        self.world = World(open_hall(*size_m), 0, seed, profile, board, line)
+        self.world = World(floor or open_hall(20, 6), 0, seed, profile, board, line)
         self.link = BoardLink(HostPort(line))
         self.messages: list[Message] = []
 

@@ -64,7 +64,25 @@ static const int16_t kGyroBootSpread_lsb = 131;      // 2 deg/s from the lowest 
 static const int16_t kGyroStillGate_lsb = 66;        // 1 deg/s from the bias: still standing
 static const uint16_t kStandstill_ms = 200;          // no tick for this long
 static const uint16_t kImuSilent_ms = 50;
+static const float kGyroNoise_rad_s = 8.7e-4f;         // of one sample, 0.05 deg/s
+static const float kGyroWalk_rad_s_sqrt_s = 3.5e-5f;  // of its bias, 0.002 deg/s after one second
+static const float kGyroScaleError = 0.003f;
 static const int32_t kTiltTicks = 64;                // over which pitch and roll are smoothed
+
+// Heading by walls
+static const float kSonarStep_m = 0.0254f;           // = SONAR_STEP_M
+static const uint16_t kSonarMin_mm = 152;            // = SONAR_MIN_M * 1000: nearer things read as this
+static const float kRangeNoise = 0.004f;             // share of the range
+static const float kWallRoughness_m = 0.003f;
+static const float kWallBend_rad_sqrt_m = 8.7e-4f;   // slow bending of a straight wall, 0.05 deg after one metre
+static const float kWallSlant_rad = 0.17f;           // of a wall that begins, either way
+static const float kWallAngleMax_rad = 0.52f;        // to the robot's heading: beyond, the foot leaves the beam
+static const float kWallProof_m = 3.0f;              // as long it is only listened to
+static const float kWallKept_m = 3.0f;               // over openings and niches
+static const float kWallMisfit = 4.0f;               // standard deviations: not an echo of this wall
+static const float kWallJump_m = 0.051f;              // an echo further off is of something else
+static const uint8_t kWallBendEchoes = 4;            // off the line by less, in a row: the wall bends
+static const float kDriftMisfit = 4.0f;              // standard deviations: the gyro cannot have drifted so far
 
 // Safety chain
 static const uint16_t kHeartbeatTimeout_ms = 250;    // = HEARTBEAT_TIMEOUT_S * 1000

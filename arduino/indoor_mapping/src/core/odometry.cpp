@@ -7,6 +7,8 @@ namespace {
 
 // One degree of yaw: 65.5 counts * 2^8 * 10^6 us
 const int64_t kDegree = static_cast<int64_t>(config::kGyroLsbPer10Dps) * 256 * 100000;
+const float kRadian = kDegree * 57.29578f;
+const float kRadianPerSecond_q16 = config::kGyroLsbPer10Dps * 5.729578f * 65536;  // counts
 const int64_t kFullTurn = kDegree * 360;
 // A sample's own variance is 1 (q16: 65536); the bias walks by 1/65536 of it per sample
 const uint32_t kBiasWalk_q16 = 1;
@@ -22,7 +24,7 @@ uint16_t add_capped(uint16_t value, uint32_t more) {
 
 Gyro::Gyro()
     : calibrated_(false), boot_count_(0), boot_sum_(0), boot_low_(0), boot_high_(0), bias_q16_(0), variance_q16_(0),
-      rate_q16_(0), yaw_(0) {}
+      rate_q16_(0), yaw_(0), corrected_(0), corrected_q16_(0) {}
 
 void Gyro::calibrate(int16_t raw, bool still) {
   if (!still) {
@@ -64,16 +66,39 @@ void Gyro::sample(int16_t raw, uint32_t dt_us, bool still) {
   if (still && magnitude(rate_q16_) < config::kGyroStillGate_lsb * 65536) {
     // Standing still the rate is known: it is nought, and what the gyro shows is its bias
     track_bias(rate_q16_);
-    rate_q16_ = 0;
+    rate_q16_ = corrected_q16_ = 0;
     return;
   }
   // Trapezoid; halved to q8 of counts
-  yaw_ += static_cast<int64_t>((before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us;
-  if (yaw_ >= kFullTurn) yaw_ -= kFullTurn;
-  if (yaw_ < 0) yaw_ += kFullTurn;
+  yaw_ = turned(yaw_, static_cast<int64_t>((before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us);
+  corrected_ = turned(corrected_, static_cast<int64_t>(corrected_q16_ >> 8) * dt_us);
+}
+
+int64_t Gyro::turned(int64_t yaw, int64_t angle) {
+  yaw += angle;
+  if (yaw >= kFullTurn) yaw -= kFullTurn;
+  if (yaw < 0) yaw += kFullTurn;
+  return yaw;
+}
+
+void Gyro::correct(const Drift& drift) {
+  const int64_t angle = static_cast<int64_t>(drift.yaw_rad * kRadian);
+  const int32_t rate_q16 = static_cast<int32_t>(drift.rate_rad_s * kRadianPerSecond_q16);
+  yaw_ = turned(yaw_, angle);
+  corrected_ = turned(corrected_, angle);
+  bias_q16_ -= rate_q16;
+  corrected_q16_ += rate_q16;
+}
+
+float Gyro::bias_variance() const {
+  return variance_q16_ / 65536.0f * config::kGyroNoise_rad_s * config::kGyroNoise_rad_s;
 }
 
 int32_t Gyro::yaw_cdeg() const { return static_cast<int32_t>(yaw_ / (kDegree / 100)); }
+
+int32_t Gyro::plain_yaw_cdeg() const {
+  return static_cast<int32_t>(turned(yaw_, -corrected_) / (kDegree / 100));
+}
 
 int32_t Gyro::rate_cdps() const { return (rate_q16_ >> 8) * 125 / (config::kGyroLsbPer10Dps * 32); }
 
@@ -114,8 +139,14 @@ void Odometry::update(hal::Hal& hardware, uint32_t now_us, bool motors_off) {
   }
 
   const int32_t yaw_cdeg = gyro_.yaw_cdeg();
+  const int32_t turn_cdeg = wrap_cdeg(yaw_cdeg - last_yaw_cdeg_);
+  if (standing()) {
+    walls_.stand(gyro_.bias_variance());
+  } else {
+    walls_.move(dt_us, moved, turn_cdeg);
+  }
   if (moved) {
-    const int32_t middle_cdeg = last_yaw_cdeg_ + wrap_cdeg(yaw_cdeg - last_yaw_cdeg_) / 2;
+    const int32_t middle_cdeg = last_yaw_cdeg_ + turn_cdeg / 2;
     const int64_t distance_nm = static_cast<int64_t>(moved) * (config::kTick_nm / 2);
     x_nm_ += (distance_nm * cosine_q14(middle_cdeg)) / 16384;
     y_nm_ += (distance_nm * sine_q14(middle_cdeg)) / 16384;

@@ -5,6 +5,7 @@
 #include "../config.h"
 #include "../hal/hal.h"
 #include "tilt.h"
+#include "wall_heading.h"
 
 namespace core {
 
@@ -15,13 +16,20 @@ class Gyro {
   Gyro();
   // One sample, `dt_us` after the one before; `still`: motors off and no tick for a while
   void sample(int16_t raw, uint32_t dt_us, bool still);
+  // What else is known of its drift
+  void correct(const Drift& drift);
+  // (rad/s)^2
+  float bias_variance() const;
   bool calibrated() const { return calibrated_; }
   int32_t yaw_cdeg() const;
+  // Without what is known from elsewhere than the gyro
+  int32_t plain_yaw_cdeg() const;
   int32_t rate_cdps() const;
 
  private:
   void calibrate(int16_t raw, bool still);
   void track_bias(int32_t innovation_q16);
+  static int64_t turned(int64_t yaw, int64_t angle);
   bool calibrated_;
   uint16_t boot_count_;
   int32_t boot_sum_;
@@ -30,6 +38,8 @@ class Gyro {
   uint32_t variance_q16_; // of the bias, in variances of one sample
   int32_t rate_q16_;      // counts, bias removed
   int64_t yaw_;           // counts * 2^8 * us
+  int64_t corrected_;     // that much of it is not the gyro's
+  int32_t corrected_q16_; // of the rate, counts
 };
 
 class Odometry {
@@ -37,6 +47,8 @@ class Odometry {
   Odometry();
   // Every control tick
   void update(hal::Hal& hardware, uint32_t now_us, bool motors_off);
+  // A new reading of the left or right sonar, 0 = nothing heard
+  void hear_wall(bool right, uint16_t range_mm) { gyro_.correct(walls_.hear(right, range_mm)); }
   const Gyro& gyro() const { return gyro_; }
   const Tilt& tilt() const { return tilt_; }
   bool imu_silent() const { return imu_silent_ms_ >= config::kImuSilent_ms; }
@@ -55,6 +67,7 @@ class Odometry {
   static const uint8_t kHistory = 16;
   Gyro gyro_;
   Tilt tilt_;
+  WallHeading walls_;
   int32_t left_, right_;
   int32_t history_left_[kHistory], history_right_[kHistory];
   uint32_t history_us_[kHistory];

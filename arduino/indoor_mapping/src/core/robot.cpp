@@ -129,6 +129,8 @@ void Robot::tick() {
   switches_ = hardware_.switches();
   if (switches_.stop_button && !(stop_sources_ & STOP_SOURCE_FLAG_BUTTON)) stop(STOP_SOURCE_FLAG_BUTTON);
   odometry_.update(hardware_, now_us_, carrier_.pwm_left() == 0 && carrier_.pwm_right() == 0);
+  if (sonars_.take_news(kLeft)) odometry_.hear_wall(false, sonars_.range_mm(kLeft));
+  if (sonars_.take_news(kRight)) odometry_.hear_wall(true, sonars_.range_mm(kRight));
 
   const uint32_t age_ms = heartbeat_age_ms();
   if (age_ms > config::kDisarm_ms) {
@@ -201,6 +203,7 @@ void Robot::report_odometry() {
   odo.ticks_left = odometry_.ticks_left();
   odo.ticks_right = odometry_.ticks_right();
   odo.yaw_cdeg = odometry_.gyro().yaw_cdeg();
+  odo.gyro_cdeg = odometry_.gyro().plain_yaw_cdeg();
   odo.rate_cdps = odometry_.gyro().rate_cdps();
   odo.x_mm = odometry_.x_mm();
   odo.y_mm = odometry_.y_mm();

@@ -46,7 +46,7 @@ Sonars::Sonars() : group_(0), next_us_(0), started_(false) {
     measured_us_[i] = 0;
     fired_us_[i] = 0;
     near_count_[i] = 0;
-    heard_[i] = quiet_[i] = false;
+    news_[i] = heard_[i] = quiet_[i] = false;
   }
 }
 
@@ -56,7 +56,7 @@ void Sonars::update(hal::Hal& hardware, uint32_t now_us) {
     if (!hardware.echo(i, &width_us) || !started_) continue;
     range_mm_[i] = width_us >= config::kSonarNothing_us ? 0 : pulse_to_mm(width_us);
     measured_us_[i] = fired_us_[i];
-    heard_[i] = true;
+    news_[i] = heard_[i] = true;
     quiet_[i] = false;
     const bool near = range_mm_[i] != 0 && range_mm_[i] < kContact_mm;
     near_count_[i] = near ? static_cast<uint8_t>(near_count_[i] < 255 ? near_count_[i] + 1 : 255) : 0;
@@ -86,6 +86,12 @@ void Sonars::fire_next(hal::Hal& hardware, uint32_t now_us) {
   group_ = static_cast<uint8_t>((group_ + 1) % kGroups);
   next_us_ += config::kSonarCycle_ms * 1000ul;
   if (static_cast<int32_t>(now_us - next_us_) > 0) next_us_ = now_us + config::kSonarCycle_ms * 1000ul;
+}
+
+bool Sonars::take_news(uint8_t sonar) {
+  const bool news = news_[sonar];
+  news_[sonar] = false;
+  return news;
 }
 
 uint16_t Sonars::age_ms(uint8_t sonar, uint32_t now_us) const {

@@ -19,6 +19,8 @@ class Sonars {
   void update(hal::Hal& hardware, uint32_t now_us);
   // From the transducer, 0 = nothing heard
   uint16_t range_mm(uint8_t sonar) const { return range_mm_[sonar]; }
+  // Whether a reading of that sonar has come since this was asked last
+  bool take_news(uint8_t sonar);
   // Since that sonar was fired for the reading
   uint16_t age_ms(uint8_t sonar, uint32_t now_us) const;
   // AggregateSonarData: distances to the walls left, right and in front
@@ -37,6 +39,7 @@ class Sonars {
   uint32_t measured_us_[config::kSonarCount];
   uint32_t fired_us_[config::kSonarCount];
   uint8_t near_count_[config::kSonarCount];
+  bool news_[config::kSonarCount];
   bool heard_[config::kSonarCount];  // has a reading
   bool quiet_[config::kSonarCount];  // fired, but no pulse for long
   uint8_t group_;
