@@ -8,7 +8,6 @@ recordings must load.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Generic, TypeVar
@@ -80,12 +79,6 @@ class Odometry:
     cliff: bool
     session: int  # changes when the board restarts: ticks and yaw begin anew
     valid: bool = True
-    gyro_yaw_rad: float = math.nan  # by the gyro alone; `yaw_rad` is corrected by walls. NaN: it is not
-
-    @property
-    def plain_yaw_rad(self) -> float:
-        """For whoever asks the walls himself."""
-        return self.yaw_rad if math.isnan(self.gyro_yaw_rad) else self.gyro_yaw_rad
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,6 @@ def odometry(odo: Odo, t_s: float, session: int, imu_works: bool) -> Odometry:
         bumper=bool(flags & OdoFlag.BUMPER),
         cliff=bool(flags & _CLIFF),
         session=session,
-        gyro_yaw_rad=wrap_angle(radians(odo.gyro_cdeg / 100.0)),
         valid=imu_works and bool(flags & OdoFlag.CALIBRATED),
     )
 

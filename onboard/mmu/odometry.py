@@ -72,7 +72,7 @@ class OdometryFilter:
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
         self._predict(left_m, right_m, dt_s, odometry.standing)
-        self._yaw_unwrapped_rad += wrap_angle(odometry.plain_yaw_rad - last.plain_yaw_rad)
+        self._yaw_unwrapped_rad += wrap_angle(odometry.yaw_rad - last.yaw_rad)
         self._correct()
         moved = before.between(Pose2.from_array(self._filter.x.ravel()))
         if dt_s > GAP_S:

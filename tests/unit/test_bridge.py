@@ -218,11 +218,11 @@ def test_silence_of_the_board_silences_the_bridge_until_the_next_hello() -> None
 def test_restart_of_the_board_without_its_hello_is_noticed() -> None:
     rig = Rig()
     rig.run(0.1)
-    rig.port.incoming = encode(Hello(VERSION, HASH, 0, 1), 50_000) + encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0, 0), 50_100)
+    rig.port.incoming = encode(Hello(VERSION, HASH, 0, 1), 50_000) + encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0), 50_100)
     rig.run(0.1)
     count = len(rig.others.take(ODOMETRY))
     assert count == 1
-    rig.port.incoming = encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0, 0), 300)
+    rig.port.incoming = encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0), 300)
     rig.run(0.1)
     assert rig.others.take(ODOMETRY) == []
     assert rig.status.state == "LISTENING"

@@ -24,7 +24,7 @@ uint16_t add_capped(uint16_t value, uint32_t more) {
 
 Gyro::Gyro()
     : calibrated_(false), boot_count_(0), boot_sum_(0), boot_low_(0), boot_high_(0), bias_q16_(0), variance_q16_(0),
-      rate_q16_(0), yaw_(0), corrected_(0), corrected_q16_(0) {}
+      rate_q16_(0), yaw_(0) {}
 
 void Gyro::calibrate(int16_t raw, bool still) {
   if (!still) {
@@ -66,28 +66,22 @@ void Gyro::sample(int16_t raw, uint32_t dt_us, bool still) {
   if (still && magnitude(rate_q16_) < config::kGyroStillGate_lsb * 65536) {
     // Standing still the rate is known: it is nought, and what the gyro shows is its bias
     track_bias(rate_q16_);
-    rate_q16_ = corrected_q16_ = 0;
+    rate_q16_ = 0;
     return;
   }
   // Trapezoid; halved to q8 of counts
-  yaw_ = turned(yaw_, static_cast<int64_t>((before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us);
-  corrected_ = turned(corrected_, static_cast<int64_t>(corrected_q16_ >> 8) * dt_us);
+  turn(static_cast<int64_t>((before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us);
 }
 
-int64_t Gyro::turned(int64_t yaw, int64_t angle) {
-  yaw += angle;
-  if (yaw >= kFullTurn) yaw -= kFullTurn;
-  if (yaw < 0) yaw += kFullTurn;
-  return yaw;
+void Gyro::turn(int64_t angle) {
+  yaw_ += angle;
+  if (yaw_ >= kFullTurn) yaw_ -= kFullTurn;
+  if (yaw_ < 0) yaw_ += kFullTurn;
 }
 
 void Gyro::correct(const Drift& drift) {
-  const int64_t angle = static_cast<int64_t>(drift.yaw_rad * kRadian);
-  const int32_t rate_q16 = static_cast<int32_t>(drift.rate_rad_s * kRadianPerSecond_q16);
-  yaw_ = turned(yaw_, angle);
-  corrected_ = turned(corrected_, angle);
-  bias_q16_ -= rate_q16;
-  corrected_q16_ += rate_q16;
+  turn(static_cast<int64_t>(drift.yaw_rad * kRadian));
+  bias_q16_ -= static_cast<int32_t>(drift.rate_rad_s * kRadianPerSecond_q16);
 }
 
 float Gyro::bias_variance() const {
@@ -95,10 +89,6 @@ float Gyro::bias_variance() const {
 }
 
 int32_t Gyro::yaw_cdeg() const { return static_cast<int32_t>(yaw_ / (kDegree / 100)); }
-
-int32_t Gyro::plain_yaw_cdeg() const {
-  return static_cast<int32_t>(turned(yaw_, -corrected_) / (kDegree / 100));
-}
 
 int32_t Gyro::rate_cdps() const { return (rate_q16_ >> 8) * 125 / (config::kGyroLsbPer10Dps * 32); }
 

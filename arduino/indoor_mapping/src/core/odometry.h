@@ -22,14 +22,12 @@ class Gyro {
   float bias_variance() const;
   bool calibrated() const { return calibrated_; }
   int32_t yaw_cdeg() const;
-  // Without what is known from elsewhere than the gyro
-  int32_t plain_yaw_cdeg() const;
   int32_t rate_cdps() const;
 
  private:
   void calibrate(int16_t raw, bool still);
   void track_bias(int32_t innovation_q16);
-  static int64_t turned(int64_t yaw, int64_t angle);
+  void turn(int64_t angle);
   bool calibrated_;
   uint16_t boot_count_;
   int32_t boot_sum_;
@@ -38,8 +36,6 @@ class Gyro {
   uint32_t variance_q16_; // of the bias, in variances of one sample
   int32_t rate_q16_;      // counts, bias removed
   int64_t yaw_;           // counts * 2^8 * us
-  int64_t corrected_;     // that much of it is not the gyro's
-  int32_t corrected_q16_; // of the rate, counts
 };
 
 class Odometry {

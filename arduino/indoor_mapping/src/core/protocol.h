@@ -7,7 +7,7 @@
 namespace core {
 
 static const uint16_t kProtocolVersion = 1;
-static const uint16_t kProtocolHash = 0x0FE0;
+static const uint16_t kProtocolHash = 0x6732;
 static const uint8_t kStopByte = 0x18;
 
 enum SimState : uint8_t {
@@ -72,7 +72,6 @@ struct Odo {
   int32_t ticks_left;  // cumulative quadrature edges
   int32_t ticks_right;
   int32_t yaw_cdeg;  // 0.01 deg
-  int32_t gyro_cdeg;  // 0.01 deg, by the gyro alone, without what walls tell
   int32_t rate_cdps;  // 0.01 deg/s
   int32_t x_mm;  // mm
   int32_t y_mm;  // mm
@@ -85,7 +84,6 @@ inline void write(LineEncoder& line, const Odo& m, uint32_t now_ms) {
   line.put_field(m.ticks_left);
   line.put_field(m.ticks_right);
   line.put_field(m.yaw_cdeg);
-  line.put_field(m.gyro_cdeg);
   line.put_field(m.rate_cdps);
   line.put_field(m.x_mm);
   line.put_field(m.y_mm);

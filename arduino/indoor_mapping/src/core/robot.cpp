@@ -203,7 +203,6 @@ void Robot::report_odometry() {
   odo.ticks_left = odometry_.ticks_left();
   odo.ticks_right = odometry_.ticks_right();
   odo.yaw_cdeg = odometry_.gyro().yaw_cdeg();
-  odo.gyro_cdeg = odometry_.gyro().plain_yaw_cdeg();
   odo.rate_cdps = odometry_.gyro().rate_cdps();
   odo.x_mm = odometry_.x_mm();
   odo.y_mm = odometry_.y_mm();
