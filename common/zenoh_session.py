@@ -38,6 +38,10 @@ LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with th
 LAPTOP_LEASE_S = 2.0
 # Ten seconds would be kept by a first packet that was lost; TCP repeats it ever more rarely
 _OPEN_TIMEOUT_S = 2.5
+# A thread that has to wait for a link that takes nothing holds up all others meanwhile, the robot's own among them: it
+# must be done within a lease. What is longer than a queue would wait even for a link that is only slow
+_BLOCKED_S = 0.1
+_ANSWER_QUEUE = 16  # batches of 64 kB, enough for an answer of RECENT_BYTES
 _COMMANDS = "{} commands"  # the name of the session that carries nothing else
 # Peers to whom others connect. Each has an address of its own on loopback, at the port of the router beside it, so that
 # several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
@@ -130,6 +134,8 @@ def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
         "transport/link/tx/lease": round(1000 * lease_s),
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/real_time": 16,
+        "transport/link/tx/queue/size/data": _ANSWER_QUEUE,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": round(1e6 * _BLOCKED_S),
         "transport/shared_memory/enabled": False,
     }
     if way.mode == "client":
