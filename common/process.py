@@ -9,13 +9,11 @@ import argparse
 import ctypes
 import json
 import logging
-import logging.handlers
 import os
 import signal
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -28,14 +26,14 @@ from common.bus import Bus
 from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
 from common.config import Config, load_config
 from common.errors import StartError
-from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick, LogLine
+from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick
+from common.process_log import BusLogHandler, set_up_log
 from common.zenoh_bus import ZenohBus
 from common.zenoh_log import OF_A_PEER, OF_A_ROUTER, ZenohOutput
 from common.zenoh_session import Mode
 
 _PR_SET_PDEATHSIG = 1
 _CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skips steps instead of making them up
-_LOG_FILE_BYTES = 2_000_000
 _STEPS_KEPT = 50_000  # of the newest steps, for the percentile
 _LOOP_END_S = 2.0
 STEPS_SUFFIX = ".steps.json"
@@ -56,22 +54,6 @@ Factory = Callable[[Config, argparse.Namespace], Node]
 # What has the main thread while the node's loop runs beside it (a terminal UI); returns the exit code. It must return
 # soon after the event is set: somebody wants the process to end, or the node's loop has failed.
 Foreground = Callable[[Node, Bus, threading.Event], int]
-
-
-class BusLogHandler(logging.Handler):
-    """Keeps log records for the node's own thread to publish as `LOG[module]`."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.INFO)
-        self._records: deque[tuple[str, str]] = deque(maxlen=200)
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._records.append((record.levelname, record.getMessage()))
-
-    def flush_to(self, bus: Bus, module: str, now_s: float) -> None:
-        while self._records:
-            level, text = self._records.popleft()
-            bus.publish(LOG[module], LogLine(now_s, level, text))
 
 
 class StepTimer:
@@ -132,7 +114,7 @@ def run(
     steps = StepTimer()
     try:
         # A foreground has the terminal: not a line beside it
-        bus_log = _set_up_log(name, arguments.log_dir, to_terminal=foreground is None)
+        bus_log = set_up_log(name, arguments.log_dir, to_terminal=foreground is None)
         zenoh_output: ZenohOutput | None = None
         if foreground is None:
             zenoh_output = ZenohOutput()
@@ -261,26 +243,6 @@ def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
 
     clock.send_tick = lambda t_s: bus.publish(CLOCK, ClockTick(t_s, clock.speed, *announced.take()))
     bus.listen(CLOCK_ACK, heard)
-
-
-def _set_up_log(name: str, folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
-    """Everything from INFO on into the file (or to stderr without a folder) and to the bus."""
-    handler: logging.Handler = logging.StreamHandler() if to_terminal else logging.NullHandler()
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        handler = logging.handlers.RotatingFileHandler(folder / f"{name}.log", maxBytes=_LOG_FILE_BYTES, backupCount=2)
-    handler.setFormatter(_MonotonicFormatter("%(monotonic)s %(levelname)s %(name)s %(message)s"))
-    bus_log = BusLogHandler()
-    logging.basicConfig(level=logging.INFO, handlers=[handler, bus_log], force=True)
-    return bus_log
-
-
-class _MonotonicFormatter(logging.Formatter):
-    """Stamps with the monotonic clock: a board without a clock battery jumps in wall time."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        record.monotonic = f"{time.monotonic():.3f}"
-        return super().format(record)
 
 
 def _end_with(parent: int) -> None:

@@ -47,12 +47,6 @@ class OdometryErrors:
 
 # A cheap gyro's bias wanders by 0.016 deg/s a minute, at walking pace of this robot 0.1 deg/m, and is measured anew
 # whenever the robot stands still, which it sees to
-GYRO_LED = OdometryErrors(
-    radians(0.05),
-    0.003,
-    DriftPrior(radians(0.06), None, 0.006, LENGTH_SD),
-    along_m=0.001,
-    along_m_per_sqrt_m=0.01,
-)
+GYRO_LED = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.06), None, 0.006, LENGTH_SD))
 UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01, LENGTH_SD))
 WHEELS_ALONE = OdometryErrors(radians(1.5), 0.03, DriftPrior(radians(2.0), radians(0.1), 0.03, LENGTH_SD), 0.05, 0.006)
