@@ -143,7 +143,7 @@ void Robot::tick() {
     lost_ = lost;
   }
   Obstacles obstacles;
-  obstacles.contact_readings = sonars_.contact_readings(now_us_);
+  obstacles.contact = sonars_.contact(now_us_);
   obstacles.clear_in_front = sonars_.clear_in_front(now_us_);
   obstacles.bumper = switches_.bumper;
   obstacles.cliff = switches_.cliff_left || switches_.cliff_right;
