@@ -80,6 +80,17 @@ def test_walls_that_are_not_straight_mislead_nobody(floor: Callable[[], Any], se
     assert beside.heading_deg == pytest.approx(alone.heading_deg, abs=0.25)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_yaw_without_what_walls_told_is_that_of_a_gyro_alone(seed: int) -> None:
+    errors_deg = []
+    for floor in (open_hall(40, 16), open_hall(20, 6), zigzag_hall()):
+        course = minute_after_a_standstill(HostBoard(), seed, floor)
+        assert course.link.odo is not None
+        plain_deg = off_heading_deg(course.link.odo) - course.link.odo.by_walls_cdeg / 100.0
+        errors_deg.append(plain_deg - course.heading_deg)
+    assert errors_deg == pytest.approx([errors_deg[0]] * 3, abs=0.05)
+
+
 def test_robot_is_back_on_its_heading_soon_after_a_sill() -> None:
     course = Course(HostBoard(), 3, replace(PROFILES["realistic"], bump_spacing_m=2.0))
     course.get_ready()
