@@ -79,6 +79,7 @@ class Odometry:
     cliff: bool
     session: int  # changes when the board restarts: ticks and yaw begin anew
     valid: bool = True
+    yaw_by_walls_rad: float = 0.0  # that much of `yaw_rad` is told by walls, the rest by the gyro
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 VERSION = 1
-HASH = 0x6732
+HASH = 0xF657
 STOP_BYTE = b"\x18"
 MAX_LINE = 120
 
@@ -75,6 +75,7 @@ class Odo(NamedTuple):
     ticks_left: int  # cumulative quadrature edges
     ticks_right: int
     yaw_cdeg: int  # 0.01 deg
+    by_walls_cdeg: int  # 0.01 deg, that much of yaw_cdeg is told by walls, the rest by the gyro
     rate_cdps: int  # 0.01 deg/s
     x_mm: int  # mm
     y_mm: int  # mm
@@ -186,6 +187,7 @@ LAYOUT: dict[type[Message], tuple[str, str, str, tuple[FieldSpec, ...]]] = {
             FieldSpec("ticks_left", 1, -2147483648, 2147483647),
             FieldSpec("ticks_right", 1, -2147483648, 2147483647),
             FieldSpec("yaw_cdeg", 1, 0, 35999),
+            FieldSpec("by_walls_cdeg", 1, -2147483648, 2147483647),
             FieldSpec("rate_cdps", 1, -60000, 60000),
             FieldSpec("x_mm", 1, -2147483648, 2147483647),
             FieldSpec("y_mm", 1, -2147483648, 2147483647),

@@ -46,6 +46,7 @@ def odometry(odo: Odo, t_s: float, session: int, imu_works: bool) -> Odometry:
         cliff=bool(flags & _CLIFF),
         session=session,
         valid=imu_works and bool(flags & OdoFlag.CALIBRATED),
+        yaw_by_walls_rad=radians(odo.by_walls_cdeg / 100.0),
     )
 
 

@@ -53,7 +53,7 @@ class OdometryFilter:
 
     def update(self, odometry: Odometry) -> bool:
         """Take one report in; False when it does not go on from the one before (the board restarted or jumped)."""
-        if not all(map(isfinite, (odometry.t_s, odometry.yaw_rad))):
+        if not all(map(isfinite, (odometry.t_s, gyro_yaw_rad(odometry)))):
             return False
         last = self._last
         if last is None or odometry.session != last.session:
@@ -72,7 +72,7 @@ class OdometryFilter:
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
         self._predict(left_m, right_m, dt_s, odometry.standing)
-        self._yaw_unwrapped_rad += wrap_angle(odometry.yaw_rad - last.yaw_rad)
+        self._yaw_unwrapped_rad += wrap_angle(gyro_yaw_rad(odometry) - gyro_yaw_rad(last))
         self._correct()
         moved = before.between(Pose2.from_array(self._filter.x.ravel()))
         if dt_s > GAP_S:
@@ -139,6 +139,11 @@ class OdometryFilter:
             Hx=lambda state: np.array([[state[2, 0] + state[3, 0]]]),
             R=np.array([[GYRO_SD_RAD**2]]),
         )
+
+
+def gyro_yaw_rad(odometry: Odometry) -> float:
+    """Without what the board took from walls: they are asked here too, and must not be believed twice."""
+    return odometry.yaw_rad - odometry.yaw_by_walls_rad
 
 
 def board_pose(odometry: Odometry) -> Pose2:

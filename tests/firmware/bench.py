@@ -27,6 +27,7 @@ class Bench:
         self.gyro_bias_deg_s = 0.7
         self.heartbeats = False
         self.echo_us = [NOTHING_US] * 5
+        self.next_echo_us: dict[int, int] = {}  # of one ping, before that again
         self.received: list[Message] = []
         self.car: CarSta | None = None
         self.odo: Odo | None = None
@@ -51,7 +52,7 @@ class Bench:
         self._ticks = ticks
         board.imu(0, 0, 16384, 0, 0, self.gyro_counts(rate_rad_s))
         for sonar in board.fired():
-            board.echo(sonar, self.echo_us[sonar])
+            board.echo(sonar, self.next_echo_us.pop(sonar, self.echo_us[sonar]))
         if self.heartbeats and self.now_us % 100_000 == 0:
             self._beat += 1
             self.send(Hb(self._beat % 65536))

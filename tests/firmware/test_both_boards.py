@@ -80,6 +80,17 @@ def test_walls_that_are_not_straight_mislead_nobody(floor: Callable[[], Any], se
     assert beside.heading_deg == pytest.approx(alone.heading_deg, abs=0.25)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_yaw_without_what_walls_told_is_that_of_a_gyro_alone(seed: int) -> None:
+    errors_deg = []
+    for floor in (open_hall(40, 16), open_hall(20, 6), zigzag_hall()):
+        course = minute_after_a_standstill(HostBoard(), seed, floor)
+        assert course.link.odo is not None
+        plain_deg = off_heading_deg(course.link.odo) - course.link.odo.by_walls_cdeg / 100.0
+        errors_deg.append(plain_deg - course.heading_deg)
+    assert errors_deg == pytest.approx([errors_deg[0]] * 3, abs=0.05)
+
+
 def test_robot_is_back_on_its_heading_soon_after_a_sill() -> None:
     course = Course(HostBoard(), 3, replace(PROFILES["realistic"], bump_spacing_m=2.0))
     course.get_ready()
@@ -125,28 +136,42 @@ def test_reports_come_ten_times_a_second(make_board: MakeBoard) -> None:
     assert all(b - a == 1 for a, b in pairwise(numbers))
 
 
+Way = list[tuple[float, float, float, float]]  # t_s, x_m, y_m, heading_rad
+
+
+def minute_of_commands(board: Board, seed: int, later_s: float = 0.0) -> Way:
+    """Straight on, a turn, a slow swerve, backwards, fast."""
+    course = Course(board, seed, SMOOTH_FLOOR, floor=open_hall(12, 12))
+    course.get_ready()
+    for at_s, speed, yaw_deg in (
+        (4.0, Speed.MEDIUM, 0.0),
+        (14.0, Speed.MEDIUM, 90.0),
+        (27.0, Speed.MEDIUM, 97.0),
+        (35.0, Speed.STOP, 0.0),
+        (42.0, Speed.REVERSE, 0.0),
+        (44.0, Speed.HIGH, 8.0),
+        (56.0, Speed.STOP, 8.0),
+    ):
+        course.at(at_s + later_s)
+        course.link.drive(speed, yaw_deg)
+    course.at(60.0)
+    assert course.world.contacts == 0
+    return course.world.truth_log
+
+
+def most_apart_m(one: Way, other: Way) -> float:
+    return max(hypot(a[1] - b[1], a[2] - b[2]) for a, b in zip(one, other, strict=True))
+
+
 def test_both_boards_drive_the_same_way(avr_tools: None) -> None:
-    """One minute: straight on, a turn, a slow swerve, backwards."""
-    ways = []
-    for make_board in (HostBoard, AvrBoard):
-        course = Course(make_board(), 4, SMOOTH_FLOOR, floor=open_hall(12, 12))
-        course.get_ready()
-        for at_s, speed, yaw_deg in (
-            (4.0, Speed.MEDIUM, 0.0),
-            (14.0, Speed.MEDIUM, 90.0),
-            (27.0, Speed.MEDIUM, 97.0),
-            (35.0, Speed.STOP, 0.0),
-            (42.0, Speed.REVERSE, 0.0),
-            (44.0, Speed.HIGH, 8.0),
-            (56.0, Speed.STOP, 8.0),
-        ):
-            course.at(at_s)
-            course.link.drive(speed, yaw_deg)
-        course.at(60.0)
-        assert course.world.contacts == 0
-        ways.append(course.world.truth_log)
-    apart_m = [hypot(a[1] - b[1], a[2] - b[2]) for a, b in zip(*ways, strict=True)]
-    assert max(apart_m) < 0.02
+    assert most_apart_m(minute_of_commands(HostBoard(), 4), minute_of_commands(AvrBoard(), 4)) < 0.02
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_commands_a_tick_later_lead_the_same_way(seed: int) -> None:
+    """Neither slip that falls on the other wheel nor an echo heard by one of them alone parts their ways."""
+    now, later = minute_of_commands(HostBoard(), seed), minute_of_commands(HostBoard(), seed, 0.01)
+    assert most_apart_m(now, later) < 0.02
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

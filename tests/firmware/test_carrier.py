@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from common.constants import ANGLE_ERROR_RAD, SPEED_ERROR_M_S
+from common.constants import ANGLE_ERROR_RAD, SAFE_DISTANCE_M, SPEED_ERROR_M_S
 from offboard.simulator.board import HostBoard
 from onboard.bridge.protocol import CarState
-from tests.firmware.bench import NOTHING_US, Bench, ready_bench
+from tests.firmware.bench import Bench, ready_bench
 
 FRONT_LEFT, FRONT = 1, 2
 MEDIUM, HIGH, STOP, REVERSE = 1, 2, 0, -1
@@ -144,16 +144,44 @@ def test_backing_off_ends_after_the_floor_it_knows() -> None:
     assert bench.x_m == pytest.approx(here_m, abs=0.01)
 
 
-def test_a_single_early_echo_does_not_abort_the_command() -> None:
+@pytest.mark.requirement("CAR_MR_04")
+def test_robot_backs_off_at_the_first_reading_of_what_it_saw_coming() -> None:
     bench = ready_bench()
     bench.drive(5, MEDIUM, 0.0)
+    bench.echo_us[FRONT] = 11 * 147
     bench.run(2.5)
-    bench.echo_us[FRONT] = PEGGED_US
-    bench.run(0.147)
-    bench.echo_us[FRONT] = NOTHING_US
-    bench.run(2.0)
+    bench.next_echo_us[FRONT] = PEGGED_US
+    bench.run_until(lambda: not bench.next_echo_us)
+    bench.run(0.02)
+    assert bench.car.state == CarState.BACKING_OFF
+
+
+@pytest.mark.requirement("CAR_MR_04")
+@pytest.mark.parametrize("speed", [MEDIUM, HIGH])
+def test_robot_stands_before_the_safe_distance_is_driven_up(speed: int) -> None:
+    """From the first echo of something that nothing told of before."""
+    bench = ready_bench()
+    bench.drive(5, speed, 0.0)
+    bench.run(2.5)
+    bench.echo_us[FRONT] = bench.next_echo_us[FRONT] = PEGGED_US
+    bench.run_until(lambda: not bench.next_echo_us)
+    here_m = bench.x_m
+    bench.run_until(lambda: bench.speed_m_s <= 0.0, 1.0)
+    assert bench.x_m - here_m < SAFE_DISTANCE_M
+
+
+@pytest.mark.parametrize(("speed", "m_s"), [(MEDIUM, 0.16), (HIGH, 0.30)])
+def test_a_single_early_echo_costs_nothing(speed: int, m_s: float) -> None:
+    bench = ready_bench()
+    bench.drive(5, speed, 0.0)
+    bench.run(2.5)
+    bench.next_echo_us[FRONT] = PEGGED_US
+    here_m = bench.x_m
+    bench.run(1.0)
+    assert not bench.next_echo_us
+    assert bench.x_m - here_m == pytest.approx(m_s, abs=0.002)
     assert bench.car.aborted_id == 0
-    assert bench.speed_m_s == pytest.approx(0.16, abs=0.01)
+    assert bench.speed_m_s == pytest.approx(m_s, abs=0.01)
 
 
 def test_robot_turns_away_from_a_wall_it_stands_at() -> None:

@@ -121,23 +121,48 @@ def test_no_echo_is_nought_and_a_mute_sonar_is_an_error() -> None:
     assert [m for m in bench.received if isinstance(m, SimSta)][-1].error == 101
 
 
-def test_opposite_sonars_fire_together_and_neighbours_49_ms_apart() -> None:
-    bench = Bench()
-    fired: list[tuple[int, tuple[int, ...]]] = []
+def watched(bench: Bench) -> list[tuple[int, tuple[int, ...]]]:
+    """When which sonars fire, as it happens."""
+    firings: list[tuple[int, tuple[int, ...]]] = []
     original = bench.board.fired
 
     def watching() -> tuple[int, ...]:
         sonars = original()
         if sonars:
-            fired.append((bench.now_us, sonars))
+            firings.append((bench.now_us, sonars))
         return sonars
 
     bench.board.fired = watching  # type: ignore[method-assign]
+    return firings
+
+
+def test_opposite_sonars_fire_together_and_neighbours_49_ms_apart() -> None:
+    bench = Bench()
+    firings = watched(bench)
     bench.run(2.0)
-    assert [sonars for _, sonars in fired[:4]] == [(0, 4), (1, 3), (2,), (0, 4)]
-    gaps_us = [b[0] - a[0] for a, b in pairwise(fired)]
+    assert [sonars for _, sonars in firings[:4]] == [(0, 4), (1, 3), (2,), (0, 4)]
+    gaps_us = [b[0] - a[0] for a, b in pairwise(firings)]
     assert min(gaps_us) >= 44_000
     assert sum(gaps_us) / len(gaps_us) == pytest.approx(49_000, abs=500)
+
+
+@pytest.mark.parametrize(
+    ("near", "order"),
+    [
+        (0, [(0, 4), (1, 3), (2,), (0, 4)]),
+        (1, [(0, 4), (1, 3), (1, 3), (2,), (0, 4)]),
+        (2, [(0, 4), (1, 3), (2,), (2,), (0, 4)]),
+    ],
+)
+def test_who_hears_something_too_near_out_of_nowhere_is_asked_once_more(
+    near: int, order: list[tuple[int, ...]]
+) -> None:
+    bench = Bench()
+    firings = watched(bench)
+    bench.echo_us[near] = 6 * 147  # and goes on to hear it
+    bench.run(0.6)
+    assert [sonars for _, sonars in firings[: len(order)]] == order
+    assert [sonars for _, sonars in firings[len(order) : len(order) + 3]] == [(1, 3), (2,), (0, 4)]
 
 
 def test_angled_sonars_count_for_front_or_side() -> None:

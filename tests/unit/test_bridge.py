@@ -23,6 +23,7 @@ from common.messages import (
     Speed,
     StopRequest,
 )
+from onboard.bridge import translation
 from onboard.bridge.board_clock import BoardClock
 from onboard.bridge.bridge import Bridge
 from onboard.bridge.line_protocol import LineDecoder, encode
@@ -218,11 +219,11 @@ def test_silence_of_the_board_silences_the_bridge_until_the_next_hello() -> None
 def test_restart_of_the_board_without_its_hello_is_noticed() -> None:
     rig = Rig()
     rig.run(0.1)
-    rig.port.incoming = encode(Hello(VERSION, HASH, 0, 1), 50_000) + encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0), 50_100)
+    rig.port.incoming = encode(Hello(VERSION, HASH, 0, 1), 50_000) + encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0, 0), 50_100)
     rig.run(0.1)
     count = len(rig.others.take(ODOMETRY))
     assert count == 1
-    rig.port.incoming = encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0), 300)
+    rig.port.incoming = encode(Odo(1, 0, 0, 0, 0, 0, 0, 0, 0, 0), 300)
     rig.run(0.1)
     assert rig.others.take(ODOMETRY) == []
     assert rig.status.state == "LISTENING"
@@ -264,6 +265,12 @@ def test_status_of_the_carrier_keeps_its_rate_while_it_is_steered() -> None:
     reports = rig.others.take(STATUS["car"])
     assert 27 <= len(reports) <= 33
     assert all(report.state and report.memory_kb for report in reports)
+
+
+def test_odometry_says_how_much_of_the_yaw_walls_told() -> None:
+    odometry = translation.odometry(Odo(1, 0, 0, 12000, -34, 0, 0, 0, 0, 0), 1.0, 1, True)
+    assert math.degrees(odometry.yaw_rad) == pytest.approx(120.0)
+    assert math.degrees(odometry.yaw_by_walls_rad) == pytest.approx(-0.34)
 
 
 def test_ranges_count_from_the_ring_and_nothing_heard_is_not_a_number() -> None:

@@ -91,6 +91,13 @@ def test_the_gyro_leads_where_the_wheels_slip() -> None:
     assert pose.heading_rad == pytest.approx(radians(80.0), abs=radians(2.0))
 
 
+def test_what_the_board_took_from_walls_counts_for_nothing() -> None:
+    by_gyro = drive(5.0, 0.16, 0.1)
+    aided = [replace(r, yaw_rad=wrap_angle(r.yaw_rad + 0.02 * r.t_s), yaw_by_walls_rad=0.02 * r.t_s) for r in by_gyro]
+    pose = after(by_gyro).pose
+    assert_at(after(aided).pose, pose.x_m, pose.y_m, pose.heading_rad, 1e-9)
+
+
 def test_frame_begins_at_the_first_report_whatever_ticks_and_yaw_are() -> None:
     first = report(50.0, 12.0, 13.0, 2.0)
     odometry = OdometryFilter()
@@ -137,7 +144,8 @@ def test_a_late_report_does_not_count_motion_twice() -> None:
     assert_at(after(late).pose, 0.8, 0.0, 0.0)
 
 
-def test_a_report_that_is_no_number_is_left_out() -> None:
+@pytest.mark.parametrize("field", ["yaw_rad", "yaw_by_walls_rad"])
+def test_a_report_that_is_no_number_is_left_out(field: str) -> None:
     reports = drive(5.0, 0.16)
-    broken = replace(reports[30], yaw_rad=nan)
+    broken = replace(reports[30], **{field: nan})
     assert_at(after([*reports[:30], broken, *reports[31:]]).pose, 0.8, 0.0, 0.0)

@@ -47,7 +47,7 @@ static const int32_t kClearDistance_mm = 80;         // backing off ends beyond 
 static const int32_t kBackOffSpeed_mm_s = 70;
 static const int32_t kBackOffMax_mm = 300;
 static const int32_t kBackOffMin_mm = 40;            // bumper and cliff: let go, and a bit more
-static const uint8_t kContactReadings = 2;           // in a row: a single early echo only makes it pause
+static const int32_t kApproach_mm = 100;             // by as much a thing comes nearer between two readings
 
 // Sonars (LV-MaxSonar)
 static const uint8_t kSonarCount = 5;                // = SONAR_COUNT

@@ -72,15 +72,14 @@ void Carrier::cut() {
 
 bool Carrier::moving() const { return mode_ != kIdle; }
 
-int32_t Carrier::wanted_speed_mm_s(const Obstacles& obstacles) const {
+int32_t Carrier::wanted_speed_mm_s() const {
   switch (command_.speed) {
     case -1:
       return -config::kSpeedMedium_mm_s;
     case 1:
-      // A first reading too near makes it pause until the second one comes
-      return obstacles.contact_readings ? 0 : config::kSpeedMedium_mm_s;
+      return config::kSpeedMedium_mm_s;
     case 2:
-      return obstacles.contact_readings ? 0 : config::kSpeedHigh_mm_s;
+      return config::kSpeedHigh_mm_s;
     default:
       return 0;
   }
@@ -132,7 +131,7 @@ void Carrier::turn(const Odometry& odometry, int32_t error_cdeg) {
 void Carrier::watch_contact(const Odometry& odometry, const Obstacles& obstacles) {
   if (mode_ != kDrive || command_.speed <= 0) return;
   int16_t why = kOk;
-  if (obstacles.contact_readings >= config::kContactReadings) why = kBackingOff;
+  if (obstacles.contact) why = kBackingOff;
   if (obstacles.cliff) why = kCliff;
   if (obstacles.bumper) why = kBumper;
   if (why == kOk) return;
@@ -178,11 +177,11 @@ void Carrier::update(const Odometry& odometry, const Obstacles& obstacles) {
   watch_contact(odometry, obstacles);
   if (mode_ == kBackOff) error_cdeg = wrap_cdeg(hold_cdeg_ - odometry.gyro().yaw_cdeg());
   const int32_t speed_q8 = (odometry.wheel_speed_q8(false) + odometry.wheel_speed_q8(true)) / 2;
-  const bool blocked = obstacles.contact_readings || obstacles.bumper || obstacles.cliff;
+  const bool blocked = obstacles.contact || obstacles.bumper || obstacles.cliff;
 
   if (mode_ == kDrive) {
     follow_heading(error_cdeg);
-    ramp(wanted_speed_mm_s(obstacles), blocked && speed_q8_ > 0);
+    ramp(wanted_speed_mm_s(), blocked && speed_q8_ > 0);
     if (magnitude(error_cdeg) < 2 * config::kTurnDone_cdeg) completed_id_ = command_.command_id;
   } else if (mode_ == kBrake) {
     rate_cdps_ = approach(rate_cdps_, 0, kRateStep_cdps);
@@ -210,9 +209,12 @@ void Carrier::drive_wheels(const Odometry& odometry) {
     if (mode_ == kIdle) speed_q8_ = rate_cdps_ = 0;
     return;
   }
+  // The encoders tell how fast the robot goes, the gyro how fast it turns: a wheel that slips deceives only its encoder
+  const int32_t left_q8 = odometry.wheel_speed_q8(false), right_q8 = odometry.wheel_speed_q8(true);
+  const int32_t middle_q8 = (left_q8 + right_q8) / 2, turning_q8 = wheel_q8(odometry.gyro().rate_cdps());
   const int32_t apart_q8 = wheel_q8(rate_cdps_);
-  pwm_left_ = left_.control(speed_q8_ - apart_q8, odometry.wheel_speed_q8(false));
-  pwm_right_ = right_.control(speed_q8_ + apart_q8, odometry.wheel_speed_q8(true));
+  pwm_left_ = left_.control(speed_q8_ - apart_q8, middle_q8 - turning_q8, left_q8 != 0);
+  pwm_right_ = right_.control(speed_q8_ + apart_q8, middle_q8 + turning_q8, right_q8 != 0);
   if (left_.encoder_dead() || right_.encoder_dead()) {
     cut();
     error_ = kEncoderImplausible;

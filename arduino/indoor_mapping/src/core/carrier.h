@@ -11,7 +11,7 @@
 namespace core {
 
 struct Obstacles {
-  uint8_t contact_readings;  // of a sonar in front, in a row
+  bool contact;  // a sonar in front is sure of it
   bool clear_in_front;
   bool bumper, cliff;
 };
@@ -40,7 +40,7 @@ class Carrier {
 
  private:
   enum Mode : uint8_t { kIdle, kDrive, kBrake, kTurn, kBackOff };
-  int32_t wanted_speed_mm_s(const Obstacles& obstacles) const;
+  int32_t wanted_speed_mm_s() const;
   void follow_heading(int32_t error_cdeg);
   void turn(const Odometry& odometry, int32_t error_cdeg);
   void watch_contact(const Odometry& odometry, const Obstacles& obstacles);

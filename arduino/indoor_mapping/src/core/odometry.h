@@ -45,6 +45,8 @@ class Odometry {
   void update(hal::Hal& hardware, uint32_t now_us, bool motors_off);
   // A new reading of the left or right sonar, 0 = nothing heard
   void hear_wall(bool right, uint16_t range_mm) { gyro_.correct(walls_.hear(right, range_mm)); }
+  // How much of the yaw the walls told, and not the gyro
+  int32_t yaw_by_walls_cdeg() const { return walls_.yaw_cdeg(); }
   const Gyro& gyro() const { return gyro_; }
   const Tilt& tilt() const { return tilt_; }
   bool imu_silent() const { return imu_silent_ms_ >= config::kImuSilent_ms; }

@@ -7,7 +7,7 @@
 namespace core {
 
 static const uint16_t kProtocolVersion = 1;
-static const uint16_t kProtocolHash = 0x6732;
+static const uint16_t kProtocolHash = 0xF657;
 static const uint8_t kStopByte = 0x18;
 
 enum SimState : uint8_t {
@@ -72,6 +72,7 @@ struct Odo {
   int32_t ticks_left;  // cumulative quadrature edges
   int32_t ticks_right;
   int32_t yaw_cdeg;  // 0.01 deg
+  int32_t by_walls_cdeg;  // 0.01 deg, that much of yaw_cdeg is told by walls, the rest by the gyro
   int32_t rate_cdps;  // 0.01 deg/s
   int32_t x_mm;  // mm
   int32_t y_mm;  // mm
@@ -84,6 +85,7 @@ inline void write(LineEncoder& line, const Odo& m, uint32_t now_ms) {
   line.put_field(m.ticks_left);
   line.put_field(m.ticks_right);
   line.put_field(m.yaw_cdeg);
+  line.put_field(m.by_walls_cdeg);
   line.put_field(m.rate_cdps);
   line.put_field(m.x_mm);
   line.put_field(m.y_mm);

@@ -143,7 +143,7 @@ void Robot::tick() {
     lost_ = lost;
   }
   Obstacles obstacles;
-  obstacles.contact_readings = sonars_.contact_readings(now_us_);
+  obstacles.contact = sonars_.contact(now_us_);
   obstacles.clear_in_front = sonars_.clear_in_front(now_us_);
   obstacles.bumper = switches_.bumper;
   obstacles.cliff = switches_.cliff_left || switches_.cliff_right;
@@ -203,6 +203,7 @@ void Robot::report_odometry() {
   odo.ticks_left = odometry_.ticks_left();
   odo.ticks_right = odometry_.ticks_right();
   odo.yaw_cdeg = odometry_.gyro().yaw_cdeg();
+  odo.by_walls_cdeg = odometry_.yaw_by_walls_cdeg();
   odo.rate_cdps = odometry_.gyro().rate_cdps();
   odo.x_mm = odometry_.x_mm();
   odo.y_mm = odometry_.y_mm();

@@ -22,6 +22,8 @@ uint16_t pulse_to_mm(uint16_t width_us) {
 const int32_t kContact_mm = config::kHullRadius_mm + config::kSafeDistance_mm - config::kSonarRingRadius_mm;
 const int32_t kClear_mm = config::kHullRadius_mm + config::kClearDistance_mm - config::kSonarRingRadius_mm;
 
+bool within(uint16_t reading_mm, int32_t limit_mm) { return reading_mm && reading_mm < limit_mm; }
+
 int32_t from_centre(uint16_t reading_mm) { return reading_mm ? reading_mm + config::kSonarRingRadius_mm : 0; }
 
 // The angled sonar is a second witness of the wall beside it, where its echo came from there
@@ -40,13 +42,12 @@ int32_t nearer(int32_t a_mm, int32_t b_mm) {
 
 }  // namespace
 
-Sonars::Sonars() : group_(0), next_us_(0), started_(false) {
+Sonars::Sonars() : group_(kGroups - 1), again_(false), next_us_(0), started_(false) {
   for (uint8_t i = 0; i < config::kSonarCount; ++i) {
     range_mm_[i] = 0;
     measured_us_[i] = 0;
     fired_us_[i] = 0;
-    near_count_[i] = 0;
-    news_[i] = heard_[i] = quiet_[i] = false;
+    contact_[i] = news_[i] = heard_[i] = quiet_[i] = false;
   }
 }
 
@@ -54,19 +55,20 @@ void Sonars::update(hal::Hal& hardware, uint32_t now_us) {
   for (uint8_t i = 0; i < config::kSonarCount; ++i) {
     uint16_t width_us = 0;
     if (!hardware.echo(i, &width_us) || !started_) continue;
+    const bool was_near = within(range_mm_[i], kContact_mm + config::kApproach_mm);
     range_mm_[i] = width_us >= config::kSonarNothing_us ? 0 : pulse_to_mm(width_us);
     measured_us_[i] = fired_us_[i];
     news_[i] = heard_[i] = true;
     quiet_[i] = false;
-    const bool near = range_mm_[i] != 0 && range_mm_[i] < kContact_mm;
-    near_count_[i] = near ? static_cast<uint8_t>(near_count_[i] < 255 ? near_count_[i] + 1 : 255) : 0;
+    const bool too_near = within(range_mm_[i], kContact_mm);
+    contact_[i] = too_near && was_near;
+    if (too_near && !was_near && i >= kFrontLeft && i <= kFrontRight) again_ = true;
   }
   fire_next(hardware, now_us);
   for (uint8_t i = 0; started_ && i < config::kSonarCount; ++i) {
     if (now_us - measured_us_[i] <= config::kSonarSilent_ms * 1000ul) continue;
     quiet_[i] = true;
-    heard_[i] = false;
-    near_count_[i] = 0;
+    contact_[i] = heard_[i] = false;
   }
 }
 
@@ -78,12 +80,13 @@ void Sonars::fire_next(hal::Hal& hardware, uint32_t now_us) {
     for (uint8_t i = 0; i < config::kSonarCount; ++i) fired_us_[i] = measured_us_[i] = now_us;
   }
   if (static_cast<int32_t>(now_us - next_us_) < 0) return;
+  if (!again_) group_ = static_cast<uint8_t>((group_ + 1) % kGroups);
+  again_ = false;
   const uint8_t mask = kGroupMask[group_];
   hardware.fire(mask);
   for (uint8_t i = 0; i < config::kSonarCount; ++i) {
     if (mask & (1 << i)) fired_us_[i] = now_us;
   }
-  group_ = static_cast<uint8_t>((group_ + 1) % kGroups);
   next_us_ += config::kSonarCycle_ms * 1000ul;
   if (static_cast<int32_t>(now_us - next_us_) > 0) next_us_ = now_us + config::kSonarCycle_ms * 1000ul;
 }
@@ -127,18 +130,16 @@ Distances Sonars::distances(uint32_t now_us) const {
   return d;
 }
 
-uint8_t Sonars::contact_readings(uint32_t now_us) const {
-  uint8_t most = 0;
+bool Sonars::contact(uint32_t now_us) const {
   for (uint8_t i = kFrontLeft; i <= kFrontRight; ++i) {
-    if (fresh_mm(i, now_us) && near_count_[i] > most) most = near_count_[i];
+    if (contact_[i] && fresh_mm(i, now_us)) return true;
   }
-  return most;
+  return false;
 }
 
 bool Sonars::clear_in_front(uint32_t now_us) const {
   for (uint8_t i = kFrontLeft; i <= kFrontRight; ++i) {
-    const uint16_t mm = fresh_mm(i, now_us);
-    if (mm && mm < kClear_mm) return false;
+    if (within(fresh_mm(i, now_us), kClear_mm)) return false;
   }
   return true;
 }

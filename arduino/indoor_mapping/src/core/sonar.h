@@ -25,8 +25,9 @@ class Sonars {
   uint16_t age_ms(uint8_t sonar, uint32_t now_us) const;
   // AggregateSonarData: distances to the walls left, right and in front
   Distances distances(uint32_t now_us) const;
-  // A sonar in front sees something nearer to the hull than the safe distance: so often in a row
-  uint8_t contact_readings(uint32_t now_us) const;
+  // A sonar in front sees something nearer to the hull than the safe distance, and saw it near by a reading before:
+  // out of nowhere it may be an early echo, and is asked for again first
+  bool contact(uint32_t now_us) const;
   // No fresh reading in front is nearer to the hull than the distance backing off ends at
   bool clear_in_front(uint32_t now_us) const;
   // A sonar has not answered its trigger for long
@@ -38,11 +39,12 @@ class Sonars {
   uint16_t range_mm_[config::kSonarCount];
   uint32_t measured_us_[config::kSonarCount];
   uint32_t fired_us_[config::kSonarCount];
-  uint8_t near_count_[config::kSonarCount];
+  bool contact_[config::kSonarCount];
   bool news_[config::kSonarCount];
   bool heard_[config::kSonarCount];  // has a reading
   bool quiet_[config::kSonarCount];  // fired, but no pulse for long
-  uint8_t group_;
+  uint8_t group_;                    // fired last
+  bool again_;                       // it is in doubt, and fired once more
   uint32_t next_us_;
   bool started_;
 };

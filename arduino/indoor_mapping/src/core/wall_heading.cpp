@@ -17,8 +17,8 @@ float square(float x) { return x * x; }
 }  // namespace
 
 WallHeading::WallHeading()
-    : covariance_(), walls_(), plain_yaw_(0), plain_both_(0), plain_bias_(0), added_(), trusted_(false), dt_us_(0),
-      ticks_(0), turn_cdeg_(0) {}
+    : covariance_(), walls_(), plain_yaw_(0), plain_both_(0), plain_bias_(0), added_(),
+      added_before_rad_(0), trusted_(false), dt_us_(0), ticks_(0), turn_cdeg_(0) {}
 
 void WallHeading::forget(uint8_t state) {
   for (uint8_t i = 0; i < kStates; ++i) covariance_[state][i] = covariance_[i][state] = 0;
@@ -29,8 +29,13 @@ void WallHeading::stand(float bias_variance) {
   covariance_[kBias][kBias] = plain_bias_ = bias_variance;
   plain_yaw_ = covariance_[kYaw][kYaw];
   plain_both_ = 0;
+  added_before_rad_ += added_.yaw_rad;
   added_ = Drift();
   trusted_ = true;
+}
+
+int32_t WallHeading::yaw_cdeg() const {
+  return static_cast<int32_t>((added_before_rad_ + added_.yaw_rad) / kCdeg_rad);
 }
 
 void WallHeading::move(uint32_t dt_us, int32_t ticks, int32_t turn_cdeg) {
@@ -48,6 +53,7 @@ void WallHeading::predict() {
   const float dt_s = dt_us_ * 1e-6f, way_m = ticks_ * (kTick_m / 2), turn_rad = turn_cdeg_ * kCdeg_rad;
   dt_us_ = 0;
   ticks_ = turn_cdeg_ = 0;
+  added_.yaw_rad += added_.rate_rad_s * dt_s;
   for (uint8_t side = 0; side < 2; ++side) {
     Wall& wall = walls_[side];
     if (!wall.known) continue;
@@ -97,6 +103,7 @@ bool WallHeading::believable(const Drift& drift) const {
 
 Drift WallHeading::take_back() {
   const Drift drift = {-added_.yaw_rad, -added_.rate_rad_s};
+  added_ = Drift();
   walls_[0].known = walls_[1].known = trusted_ = false;
   forget(kYaw);
   forget(kBias);

@@ -26,6 +26,8 @@ class WallHeading {
   void move(uint32_t dt_us, int32_t ticks, int32_t turn_cdeg);
   // A new reading of the left or right sonar, 0 = nothing heard
   Drift hear(bool right, uint16_t range_mm);
+  // How much of the yaw is from them, since power-on
+  int32_t yaw_cdeg() const;
 
  private:
   enum State : uint8_t { kYaw, kBias, kWalls, kStates = 6 };  // of a wall: distance, then slant
@@ -50,6 +52,7 @@ class WallHeading {
   // What the gyro alone would be off by, and what was added since the last standstill
   float plain_yaw_, plain_both_, plain_bias_;
   Drift added_;
+  float added_before_rad_;  // until the last standstill
   bool trusted_;
   uint32_t dt_us_;
   int32_t ticks_, turn_cdeg_;
