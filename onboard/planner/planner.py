@@ -39,8 +39,9 @@ from common.status import StatusReporter
 from onboard.planner.emergency import Emergency, Phase, watch
 from onboard.planner.grid_map import GridMap
 from onboard.planner.gyro_rest import GyroRest
-from onboard.planner.mission import Mission, Mode, Motion, View
+from onboard.planner.mission import Mission, Mode
 from onboard.planner.poi_override import Override, after, speed
+from onboard.planner.view import Motion, View
 
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
