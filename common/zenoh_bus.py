@@ -53,7 +53,7 @@ class ZenohBus:
     def __init__(self, name: str, config: Config, clock: Clock, mode: Mode = "peer") -> None:
         self.name = name
         self._reader = Reader()
-        self.decode_errors = self._reader.errors  # by topic
+        self.decode_errors = self._reader.undecodable.counts  # by topic
         self._clock = clock
         self._robot = config.robot.name
         self._boot_id = secrets.randbits(48)

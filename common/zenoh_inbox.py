@@ -6,7 +6,6 @@ and when a sequence number is missing, and keeps what comes live until the answe
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections import deque
@@ -21,6 +20,7 @@ from common.codec import DecodeError, Envelope, decode
 from common.frames import MESSAGE_BYTES_MAX, unpack_messages
 from common.messages import Stance, Topic
 from common.signing import SEAL_BYTES
+from common.undecodable import Undecodable
 from common.zenoh_session import direct
 
 P = TypeVar("P")
@@ -29,29 +29,21 @@ QUERY_TIMEOUT_S = 1.0
 _QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all the time
 _KNOWN_BOOTS = 16
 
-_log = logging.getLogger(__name__)
-
 Refuses = Callable[[Topic[Any], Envelope[Any], bytes, bytes], bool]
 
 
 class Reader:
-    """Bytes -> messages; `errors` counts by topic what is none."""
+    """Bytes -> messages; `undecodable` counts what is none."""
 
     def __init__(self) -> None:
-        self.errors: dict[str, int] = {}
+        self.undecodable = Undecodable()
 
     def read(self, topic: Topic[P], data: bytes) -> Envelope[P] | None:
         try:
             return decode(data, topic.payload)
         except DecodeError as error:
-            self.count_error(topic, str(error))
+            self.undecodable.count(topic, str(error))
             return None
-
-    def count_error(self, topic: Topic[Any], problem: str) -> None:
-        count = self.errors[topic.key] = self.errors.get(topic.key, 0) + 1
-        # With every doubling: of a sender of another version nothing else would come
-        if count & (count - 1) == 0:
-            _log.warning("undecodable topic=%s error=%s count=%d", topic.key, problem, count)
 
 
 class Inbox(Generic[P]):
@@ -137,7 +129,7 @@ class Inbox(Generic[P]):
 
     def _store(self, sample: zenoh.Sample) -> None:
         if len(sample.payload) > MESSAGE_BYTES_MAX:
-            self._reader.count_error(self._topic, f"{len(sample.payload)} bytes are too many")
+            self._reader.undecodable.count(self._topic, f"{len(sample.payload)} bytes are too many")
             return
         arrival = (self._clock.now_s(), bytes(sample.payload), _seal_of(sample))
         with self._lock:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf, isfinite
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,10 @@ Mask = npt.NDArray[np.bool_]
 Cell = tuple[int, int]  # row, column
 
 
+class GridError(ValueError):
+    """This message is no grid: one sentence says why."""
+
+
 @dataclass(frozen=True)
 class GridMap:
     """`cells` (rows, columns) of UNKNOWN, FREE, WALL; `origin` is the outer corner of cell (0, 0) in the map."""
@@ -37,9 +42,16 @@ class GridMap:
     def from_update(cls, update: GridUpdate) -> GridMap:
         """What is known of the grid, with a margin, the gaps between neighbouring rays closed.
 
-        Raises zlib.error or ValueError when the cells cannot be unpacked or do not fill the announced shape.
+        Raises GridError when the cells cannot be unpacked or do not fill the announced shape, or lie nowhere.
         """
-        cells = np.frombuffer(zlib.decompress(update.cells_zlib), np.uint8).reshape(update.rows, update.columns)
+        if not (isfinite(update.origin_x_m) and isfinite(update.origin_y_m) and 0.0 < update.cell_m < inf):
+            raise GridError(f"cells of {update.cell_m} m from ({update.origin_x_m}, {update.origin_y_m}) on")
+        if update.rows <= 0 or update.columns <= 0:
+            raise GridError(f"{update.rows} rows and {update.columns} columns")
+        try:
+            cells = np.frombuffer(zlib.decompress(update.cells_zlib), np.uint8).reshape(update.rows, update.columns)
+        except (zlib.error, ValueError) as error:
+            raise GridError(str(error)) from error
         known = np.argwhere(cells != UNKNOWN)
         if not len(known):
             return cls(cells, update.origin_x_m, update.origin_y_m, update.cell_m)

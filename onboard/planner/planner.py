@@ -36,11 +36,13 @@ from common.messages import (
     Speed,
 )
 from common.status import StatusReporter
+from common.undecodable import Undecodable
 from onboard.planner.emergency import Emergency, Phase, watch
-from onboard.planner.grid_map import GridMap
+from onboard.planner.grid_map import GridError, GridMap
 from onboard.planner.gyro_rest import GyroRest
-from onboard.planner.mission import Mission, Mode, Motion, View
+from onboard.planner.mission import Mission, Mode
 from onboard.planner.poi_override import Override, after, speed
+from onboard.planner.view import Motion, View
 
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
@@ -61,8 +63,9 @@ class Planner:
         self._status = StatusReporter(self.name)
         self._emergency = Emergency()
         self._rest = GyroRest()
+        self._undecodable = Undecodable()
         self._grid: GridMap | None = None
-        self._grid_revision = -1
+        self._grid_revision = 0
         self._points: Points = _NO_POINTS
         self._wanted = Motion(Speed.STOP, 0.0)
         self._pose_seen_s = -math.inf
@@ -109,10 +112,12 @@ class Planner:
                 self._points = points
             elif update.start == len(self._points):
                 self._points = np.concatenate([self._points, points])
-        newest = bus.latest(GRID)
-        if newest is not None and newest.revision != self._grid_revision:
-            self._grid_revision = newest.revision
-            self._grid = GridMap.from_update(newest)
+        for newest in bus.take(GRID)[-1:]:
+            try:
+                self._grid = GridMap.from_update(newest)
+                self._grid_revision += 1
+            except GridError as error:
+                self._undecodable.count(GRID, str(error))
 
     def _operate(self, command: OperatorCommand, pose: PoseEstimate | None, now_s: float) -> None:
         if command.command_id and command.command_id in self._taken:

@@ -78,16 +78,19 @@ def changed_floor(change: Callable[[dict[str, Any]], object]) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "key"),
+    ("verb", "text", "key"),
     [
-        (changed_floor(lambda floor: floor["corridor"].update(exterior=[[0, 4], [24, 4]])), "corridor.exterior"),
-        (changed_floor(lambda floor: floor["doors"][0].update(y_m=5.0)), "doors[0]"),
-        (changed_floor(lambda floor: floor["doors"][0].pop("width_m")), "doors[0].width_m"),
-        ('{"name": ', "not JSON"),
+        (
+            "local",
+            changed_floor(lambda floor: floor["corridor"].update(exterior=[[0, 4], [24, 4]])),
+            "corridor.exterior",
+        ),
+        ("simulate", changed_floor(lambda floor: floor["doors"][0].update(y_m=5.0)), "doors[0]"),
+        ("simulate", changed_floor(lambda floor: floor["doors"][0].pop("width_m")), "doors[0].width_m"),
+        ("local", '{"name": ', "not JSON"),
     ],
     ids=["open polygon", "door off the wall", "missing key", "not JSON"],
 )
-@pytest.mark.parametrize("verb", ["local", "simulate"])
 def test_a_bad_floor_is_one_sentence_with_file_and_key_and_starts_nothing(
     tmp_path: Path, verb: str, text: str, key: str
 ) -> None:

@@ -141,7 +141,7 @@ def test_recorder_and_comm_killed_in_a_mission_leave_no_hole_and_no_double(
     until(lambda: "mission has started" in output.read_text(encoding="utf-8"), 60.0, "the start")
     witness = Witness(run_dir / "process" / "robot.toml")
     try:
-        for victim in ("recorder", "comm", "recorder", "comm", "recorder"):
+        for victim in ("recorder", "comm", "recorder"):
             pid = children_of(run_dir)[victim]
             os.kill(pid, signal.SIGKILL)
 

@@ -1,17 +1,37 @@
-"""comm as a real process among stand-ins, on the free-running clock: absence means stop, and soon."""
+"""comm as a real process among stand-ins, on the free-running clock: absence means stop, and soon.
+
+One mesh serves all tests, one after the other: each leaves it whole.
+"""
 
 from __future__ import annotations
 
 import signal
 import time
+from collections.abc import Iterator
 
 import pytest
 
 from common.messages import OPERATION, Operation, OperatorCommand
 from tests.system.conftest import Mesh, until
 
-pytestmark = pytest.mark.timeout(60)
+pytestmark = [pytest.mark.timeout(60), pytest.mark.alone]
 REVOKED_WITHIN_S = 0.25
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mesh]:
+    made = Mesh(tmp_path_factory.mktemp("mesh"))
+    try:
+        made.start_all()
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture(autouse=True)
+def whole(mesh: Mesh) -> None:
+    begun_s = time.monotonic()
+    until(lambda: mesh.granted and mesh.permits[-1][0] > begun_s, 20.0, "a new permit")
 
 
 def drive(mesh: Mesh, operation: Operation = Operation.START) -> None:
@@ -25,7 +45,6 @@ def drive(mesh: Mesh, operation: Operation = Operation.START) -> None:
 @pytest.mark.requirement("CM_MR_02")
 @pytest.mark.parametrize("victim", ["mmu", "planner", "bridge"])
 def test_permit_ends_within_250_ms_when_a_module_is_killed_and_comes_back_with_it(mesh: Mesh, victim: str) -> None:
-    mesh.start_all()
     killed_s = mesh.signal(victim, signal.SIGKILL)
     assert mesh.revoked_after(killed_s) <= REVOKED_WITHIN_S
     mesh.processes[victim].wait()
@@ -35,7 +54,6 @@ def test_permit_ends_within_250_ms_when_a_module_is_killed_and_comes_back_with_i
 
 @pytest.mark.requirement("CM_MR_02")
 def test_permit_ends_within_250_ms_when_a_module_freezes(mesh: Mesh) -> None:
-    mesh.start_all()
     for _ in range(2):
         frozen_s = mesh.signal("mmu", signal.SIGSTOP)
         assert mesh.revoked_after(frozen_s) <= REVOKED_WITHIN_S
@@ -47,7 +65,6 @@ def test_permit_ends_within_250_ms_when_a_module_freezes(mesh: Mesh) -> None:
 def test_robot_stands_when_comm_dies_or_freezes_and_its_neighbours_stay_joined(
     mesh: Mesh, number: signal.Signals
 ) -> None:
-    mesh.start_all()
     drive(mesh)
     hit_s = mesh.signal("comm", number)
     until(lambda: mesh.standing, 2.0, "standing")
@@ -56,10 +73,14 @@ def test_robot_stands_when_comm_dies_or_freezes_and_its_neighbours_stay_joined(
     until(lambda: "comm" not in mesh.bus.alive_tokens(), 2.0)
     assert {"bridge", "mmu", "planner"} <= mesh.bus.alive_tokens()
     assert mesh.standing
+    if number == signal.SIGSTOP:
+        mesh.signal("comm", signal.SIGCONT)
+    else:
+        mesh.processes["comm"].wait()
+        mesh.start("comm")
 
 
 def test_stop_outlives_a_restart_of_comm(mesh: Mesh) -> None:
-    mesh.start_all()
     assert mesh.command("estop").returncode == 0
     mesh.signal("comm", signal.SIGKILL)
     mesh.processes["comm"].wait()
@@ -69,3 +90,4 @@ def test_stop_outlives_a_restart_of_comm(mesh: Mesh) -> None:
         lambda: mesh.permits and mesh.permits[-1][1].stop_sources == ("operator",), what="the latch after the restart"
     )
     assert not mesh.granted
+    assert mesh.command("release").returncode == 0

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import replace
+from math import inf, nan
+from typing import Any
 
 import numpy as np
 import pytest
 
 from common.constants import HULL_RADIUS_M
 from common.messages import GridUpdate
-from onboard.planner.grid_map import FREE, UNKNOWN, WALL, GridMap
+from onboard.planner.grid_map import FREE, UNKNOWN, WALL, GridError, GridMap
 
 CELL_M = 0.1
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
@@ -61,11 +64,23 @@ def test_message_is_read_and_cut_to_what_is_known() -> None:
     assert grid.centre(grid.cell(3.05, 2.05)) == pytest.approx((3.05, 2.05))
 
 
-def test_a_message_with_the_wrong_number_of_cells_is_refused() -> None:
-    update = update_of(hall())
-    broken = GridUpdate(0.0, 1, 0.0, 0.0, CELL_M, update.rows + 1, update.columns, update.cells_zlib)
-    with pytest.raises(ValueError, match="reshape"):
-        GridMap.from_update(broken)
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"rows": update_of(hall()).rows + 1},
+        {"cells_zlib": update_of(hall()).cells_zlib[:-8]},
+        {"cells_zlib": b"no cells"},
+        {"rows": -1},
+        {"rows": 0, "columns": 0, "cells_zlib": zlib.compress(b"")},
+        {"cell_m": 0.0},
+        {"cell_m": inf},
+        {"origin_x_m": nan},
+    ],
+    ids=["a row too many", "cut off", "not packed", "rows to be guessed", "empty", "no size", "no end", "nowhere"],
+)
+def test_a_message_that_is_no_grid_is_refused(broken: dict[str, Any]) -> None:
+    with pytest.raises(GridError):
+        GridMap.from_update(replace(update_of(hall()), **broken))
 
 
 def test_a_grid_with_nothing_known_has_no_frontier_and_no_area() -> None:

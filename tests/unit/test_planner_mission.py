@@ -10,8 +10,9 @@ import pytest
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import Speed
 from onboard.planner.grid_map import GridMap
-from onboard.planner.mission import Mission, Mode, Motion, View
+from onboard.planner.mission import Mission, Mode
 from onboard.planner.setbacks import BLOCK_FOR_S
+from onboard.planner.view import Motion, View
 from onboard.planner.wall_imaging import WallImaging
 from tests.unit.test_planner_grid_map import Box, drawn, hall
 from tests.unit.test_planner_route_planning import two_rooms

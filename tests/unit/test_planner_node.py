@@ -409,6 +409,22 @@ def test_a_pose_off_the_grid_does_no_harm(place: tuple[float, float], heading_ra
     assert robot.run(2.0)
 
 
+def test_broken_grids_are_told_and_the_last_good_one_stays(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot().started()
+    good = robot.grid
+    assert good is not None
+    for _ in range(7):
+        robot.grid = replace(good, rows=good.rows + 1)
+        assert moving(robot.run(1.0))
+    assert [line.rpartition(" ")[2] for line in caplog.messages] == ["count=1", "count=2", "count=4"]
+    assert all(line.startswith("undecodable topic=mmu/grid error=") for line in caplog.messages)
+    robot.grid = update_of(hall(length_m=3.0))
+    robot.run(2.0)
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert view.area_m2 == pytest.approx(6.0, rel=0.1)
+
+
 def test_a_grid_where_nothing_is_known_does_no_harm() -> None:
     robot = Robot()
     robot.grid = update_of(drawn([]))
