@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import logging
-from typing import Any
-
-from common.messages import Topic
 
 _log = logging.getLogger(__name__)
 
 
 class Undecodable:
-    """Of one process; `counts` by topic."""
+    """Of one process; `counts` by the key of their topic."""
 
-    def __init__(self) -> None:
+    def __init__(self, complaint: str = "undecodable") -> None:
         self.counts: dict[str, int] = {}
+        self._complaint = complaint
 
-    def count(self, topic: Topic[Any], problem: str) -> None:
-        count = self.counts[topic.key] = self.counts.get(topic.key, 0) + 1
+    def count(self, key: str, problem: str) -> None:
+        count = self.counts[key] = self.counts.get(key, 0) + 1
         # Not each: of a sender of another version nothing else would come
         if count & (count - 1) == 0:
-            _log.warning("undecodable topic=%s error=%s count=%d", topic.key, problem, count)
+            _log.warning("%s topic=%s error=%s count=%d", self._complaint, key, problem, count)

@@ -42,7 +42,7 @@ class Reader:
         try:
             return decode(data, topic.payload)
         except DecodeError as error:
-            self.undecodable.count(topic, str(error))
+            self.undecodable.count(topic.key, str(error))
             return None
 
 
@@ -129,7 +129,7 @@ class Inbox(Generic[P]):
 
     def _store(self, sample: zenoh.Sample) -> None:
         if len(sample.payload) > MESSAGE_BYTES_MAX:
-            self._reader.undecodable.count(self._topic, f"{len(sample.payload)} bytes are too many")
+            self._reader.undecodable.count(self._topic.key, f"{len(sample.payload)} bytes are too many")
             return
         arrival = (self._clock.now_s(), bytes(sample.payload), _seal_of(sample))
         with self._lock:

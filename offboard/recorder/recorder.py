@@ -18,6 +18,7 @@ from common.errors import ErrorCode
 from common.frames import Frame, Losses
 from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, ROBOT_RECORDED, OutboxReceipt
 from common.status import StatusReporter
+from common.undecodable import Undecodable
 from offboard.recorder import run_folder
 from offboard.recorder.live_copies import LiveCopies
 from offboard.recorder.outbox_inbox import OutboxInbox
@@ -56,7 +57,7 @@ class Recorder:
         self._delivery: Delivery | None = None  # handed to the disk, not known to be there
         self._store_due_s = self._open_due_s = float("-inf")
         self._receipt: OutboxReceipt | None = None
-        self._problems: dict[str, int] = {}
+        self._undecodable = Undecodable("stored but undecodable")
         self._next_write_s: float | None = None
         self._drawn = False
         self._disk_works = True
@@ -155,9 +156,7 @@ class Recorder:
         if delivery is not None and delivery.outbox_id is not None:
             self._inbox.stored(delivery)
         for topic, problem in result.problems.items():
-            count = self._problems[topic] = self._problems.get(topic, 0) + 1
-            if count & (count - 1) == 0:
-                _log.warning("stored but undecodable topic=%s count=%d error=%s", topic, count, problem)
+            self._undecodable.count(topic, problem)
         for message in result.stored:
             self._files.take(message.payload)
         self._on_disk(self._files.append_poses)
@@ -204,7 +203,7 @@ class Recorder:
         self._disk_works = False
 
     def _report(self, bus: Bus, now_s: float) -> None:
-        missing, undecodable = self._files.map.missing, sum(self._problems.values())
+        missing, undecodable = self._files.map.missing, sum(self._undecodable.counts.values())
         said = (
             f"{missing} map points were lost on the way" if missing else "",
             f"{undecodable} messages could not be decoded" if undecodable else "",

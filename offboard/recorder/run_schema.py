@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import sqlite3
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 from common.codec import DecodeError, decode
 from common.frames import KNOWN_BOOTS, Frame, Known, Losses
 from common.messages import TOPICS, Topic
+from common.transaction import transaction
 
 SCHEMA_VERSION = 1
 
@@ -143,8 +143,7 @@ class RunDatabase:
     def store_data(self, delivery: Delivery) -> Result:
         """Validate and store, all or nothing; what is there already stays as it is."""
         result = Result([], {})
-        self._database.execute("BEGIN IMMEDIATE")
-        try:
+        with transaction(self._database):
             for frame in delivery.frames:
                 self._store_frame(frame, delivery.arrived_s, result)
             losses = [(*source, count) for source, count in delivery.dropped.items()]
@@ -152,11 +151,6 @@ class RunDatabase:
             if delivery.outbox_id is not None:
                 reached = (delivery.outbox_id, delivery.next_row)
                 self._database.execute("INSERT OR REPLACE INTO outboxes VALUES (?, ?)", reached)
-            self._database.execute("COMMIT")
-        except sqlite3.Error:
-            with suppress(sqlite3.Error):
-                self._database.execute("ROLLBACK")
-            raise
         return result
 
     def close(self) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 import msgpack
 
 from common.frames import Frame, Known, Losses
+from common.transaction import transaction
 
 LOAD_BYTES = 256_000  # of rows that go to the recorder together
 ROW_BYTES = 64_000  # a row ends where it passes this; a single message may be longer
@@ -91,8 +92,7 @@ class OutboxStore:
     ) -> Turn:
         """One transaction: store what came, remove all rows before `acknowledged`; `load` what is first now."""
         stored_bytes = self._stored_bytes
-        self._database.execute("BEGIN IMMEDIATE")
-        try:
+        with transaction(self._database):
             gone = self._database.execute("SELECT total(length(data)) FROM rows WHERE number < ?", (acknowledged,))
             stored_bytes -= gone.fetchone()[0]
             self._database.execute("DELETE FROM rows WHERE number < ?", (acknowledged,))
@@ -102,11 +102,6 @@ class OutboxStore:
                 stored_bytes += sum(map(len, packed))
                 known = msgpack.packb([[*source, sequence] for source, sequence in heard.items()])
                 self._database.execute("UPDATE state SET heard = ?", (known,))
-            self._database.execute("COMMIT")
-        except sqlite3.Error:
-            with suppress(sqlite3.Error):
-                self._database.execute("ROLLBACK")
-            raise
         self._stored_bytes = stored_bytes
         return Turn(int(stored_bytes), self._first() if load else None)
 

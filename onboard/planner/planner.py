@@ -37,6 +37,7 @@ from common.messages import (
 )
 from common.status import StatusReporter
 from common.undecodable import Undecodable
+from common.wall_points import with_increment
 from onboard.planner.emergency import Emergency, Phase, watch
 from onboard.planner.grid_map import GridError, GridMap
 from onboard.planner.gyro_rest import GyroRest
@@ -107,17 +108,13 @@ class Planner:
 
     def _take_map(self, bus: Bus) -> None:
         for update in bus.take(MAP):
-            points = update.points_m.astype(np.float64)
-            if update.start == 0:
-                self._points = points
-            elif update.start == len(self._points):
-                self._points = np.concatenate([self._points, points])
+            self._points = with_increment(self._points, update)
         for newest in bus.take(GRID)[-1:]:
             try:
                 self._grid = GridMap.from_update(newest)
                 self._grid_revision += 1
             except GridError as error:
-                self._undecodable.count(GRID, str(error))
+                self._undecodable.count(GRID.key, str(error))
 
     def _operate(self, command: OperatorCommand, pose: PoseEstimate | None, now_s: float) -> None:
         if command.command_id and command.command_id in self._taken:

@@ -11,6 +11,7 @@ import numpy as np
 
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import MapUpdate
+from common.wall_points import with_increment
 from onboard.poi.sign_placement import WallPoint
 
 BACKING_M = 0.20  # a door may stand back from its wall, and the map errs
@@ -30,12 +31,7 @@ class WallMap:
         self._points: Points = np.zeros((0, 2))
 
     def add(self, update: MapUpdate) -> None:
-        """An increment; one that does not continue what is here is left out until the map begins anew."""
-        points = update.points_m.astype(np.float64)
-        if update.start == 0:
-            self._points = points
-        elif update.start == len(self._points):
-            self._points = np.concatenate([self._points, points])
+        self._points = with_increment(self._points, update)
 
     def backs(self, left: WallPoint, right: WallPoint) -> bool:
         """Most of the way between two points lies on mapped wall."""
