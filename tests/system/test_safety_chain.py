@@ -8,6 +8,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 
@@ -20,12 +21,9 @@ REVOKED_WITHIN_S = 0.25
 
 @pytest.fixture(scope="module")
 def mesh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mesh]:
-    made = Mesh(tmp_path_factory.mktemp("mesh"))
-    try:
+    with closing(Mesh(tmp_path_factory.mktemp("mesh"))) as made:
         made.start_all()
         yield made
-    finally:
-        made.close()
 
 
 @pytest.fixture(autouse=True)

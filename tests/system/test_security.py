@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -144,12 +145,9 @@ class KeyedMesh(Mesh):
 
 @pytest.fixture(scope="module")
 def keyed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeyedMesh]:
-    made = KeyedMesh(tmp_path_factory.mktemp("keyed"))
-    try:
+    with closing(KeyedMesh(tmp_path_factory.mktemp("keyed"))) as made:
         made.begin()
         yield made
-    finally:
-        made.close()
 
 
 def orders(mesh: KeyedMesh) -> list[Sealed]:
