@@ -6,7 +6,6 @@ knows by boot id and sequence number what it has not heard and asks the producer
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections import deque
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 import msgpack
 
 from common.codec import DecodeError, read_header
+from common.undecodable import Undecodable
 
 RECENT_COUNT = 512
 RECENT_BYTES = 1_000_000  # of each topic: three maps of a kilometre's drive
@@ -29,8 +29,6 @@ _GIVE_UP_S = 10.0  # wall time; a producer that has not answered until then is g
 
 Known = dict[tuple[str, int], int]  # topic key and boot id -> newest sequence number
 Losses = dict[tuple[str, int], int]  # topic key and boot id -> how many were lost
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +150,8 @@ class Tap:
         wall_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """`on_event`: the keys where no next message may come for long that would show a gap."""
-        self.bad: dict[str, int] = {}
+        self._no_messages = Undecodable("no message")
+        self.bad = self._no_messages.counts  # by topic key
         self._order = FrameOrder(known)
         self._ask = ask
         self._wall_s = wall_s
@@ -201,9 +200,7 @@ class Tap:
 
     def count_bad(self, key: str, problem: str) -> None:
         """What came is no message at all, so no database can hold it under its number."""
-        count = self.bad[key] = self.bad.get(key, 0) + 1
-        if count & (count - 1) == 0:  # at the first, second, fourth, eighth ... one: a flood must not fill the log
-            _log.warning("no message topic=%s count=%d error=%s", key, count, problem)
+        self._no_messages.count(key, problem)
 
     def _fill(self, key: str, pack: bytes, now_s: float) -> list[Frame]:
         frames: list[Frame] = []
