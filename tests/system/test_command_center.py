@@ -53,7 +53,6 @@ def spans(bus: ZenohBus, topics: Iterable[Topic[Any]]) -> dict[Topic[Any], list[
     return kept
 
 
-@pytest.mark.alone
 @pytest.mark.requirement("CC_MR_01", "CC_MR_02", "CC_MR_03", "CC_MR_04")
 def test_it_shows_every_module_stops_the_robot_and_fills_itself_again_after_a_restart(local: Config) -> None:
     modules = set(STATUS)

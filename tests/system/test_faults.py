@@ -30,7 +30,7 @@ from tests.system.main_thread import hold_main_thread, let_go
 from tests.system.motors import STOPPED_WITHIN_S, MotorLog
 from tests.system.recording import RobotMap
 
-pytestmark = [pytest.mark.timeout(90), pytest.mark.alone]
+pytestmark = pytest.mark.timeout(90)
 
 
 class Running:

@@ -124,7 +124,6 @@ def test_ten_minutes_without_wifi_on_the_scaled_clock_leave_no_hole_and_no_doubl
     recording.assert_once_and_in_order(recording.silence(120.0))
 
 
-@pytest.mark.alone
 @pytest.mark.requirement("CM_MR_02", "CAR_MR_02", "CC_MR_02")
 def test_the_raspberry_pi_cut_off_stuck_frozen_or_killed_stops_the_robot_which_says_why_and_drives_again(
     mesh: Mesh, radio: Radio

@@ -11,7 +11,7 @@ import pytest
 from common.messages import STATUS
 from tests.system.conftest import Mesh, until
 
-pytestmark = [pytest.mark.timeout(60), pytest.mark.alone]
+pytestmark = pytest.mark.timeout(60)
 MODULES = ("bridge", "mmu", "planner")
 # Around the lease some links of a frozen process are given up and others are not
 FREEZES_S = (0.30, 0.42)

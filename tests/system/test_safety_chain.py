@@ -15,7 +15,7 @@ import pytest
 from common.messages import OPERATION, Operation, OperatorCommand
 from tests.system.conftest import Mesh, until
 
-pytestmark = [pytest.mark.timeout(60), pytest.mark.alone]
+pytestmark = pytest.mark.timeout(60)
 REVOKED_WITHIN_S = 0.25
 
 

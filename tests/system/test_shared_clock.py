@@ -12,7 +12,7 @@ from common.clock import SILENT_S, WINDOW_S
 from common.messages import CLOCK, ODOMETRY, ClockTick
 from tests.system.conftest import Mesh, until
 
-pytestmark = [pytest.mark.timeout(60), pytest.mark.alone]
+pytestmark = pytest.mark.timeout(60)
 SPEED = 5.0
 SHARED = ("--clock", "shared", "--speed", str(SPEED))
 
