@@ -96,9 +96,8 @@ class PoseGraph:
 
     def chi2(self, edge: Edge) -> float:
         """How strongly an edge that is no odometry pulls."""
-        error = edge.relative.between(self.pose(edge.first).between(self.pose(edge.second))).as_array()
-        if edge.kind is Kind.BEARING:
-            error[2] = wrap_angle(error[2] - self.slow[WALLS])
+        error = self.pose(edge.first).between(self.pose(edge.second)).as_array() - edge.relative.as_array()
+        error[2] = wrap_angle(error[2] - (self.slow[WALLS] if edge.kind is Kind.BEARING else 0.0))
         return float(error @ edge.information @ error)
 
     def strain(self, start: int) -> float:

@@ -61,6 +61,46 @@ def test_bias_is_known_well_after_a_second_of_standing() -> None:
     assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 0.010
 
 
+def test_a_rest_tells_what_the_yaw_lost_since_the_last_one() -> None:
+    """Of a bias that walks, the end tells half of what it did on the way: sqrt(1 / 4) of the error is left, and what
+    neither rest knows of it."""
+    errors = []
+    for seed in range(24):
+        bench = NoisyBench()
+        bench.noise = random.Random(seed)
+        bench.arm()
+        bench.run(2.0)
+        before, heading = bench.odo.yaw_cdeg, bench.heading_deg
+        bench.drive(1, 1, 0.0)
+        for _ in range(30):
+            bench.run(1.0)
+            bench.gyro_bias_deg_s += bench.noise.gauss(0.0, 0.002)
+        bench.drive(2, 0, 0.0)
+        bench.run(2.5)
+        errors.append(((bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000) / 100 - (bench.heading_deg - heading))
+    assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 0.15
+
+
+def test_a_robot_that_is_turned_on_standing_wheels_learns_no_bias_from_it() -> None:
+    bench = NoisyBench()
+    bench.arm()
+    bench.drive(1, 1, 0.0)
+    bench.run(20.0)
+    bench.drive(2, 0, 0.0)
+    bench.run(0.5)
+    before = bench.odo.yaw_cdeg
+    bench.gyro_bias_deg_s += 0.35
+    bench.run(1.4)
+    bench.gyro_bias_deg_s -= 0.35
+    bench.run(0.1)
+    assert (bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000 == pytest.approx(49, abs=12)
+    before, heading = bench.odo.yaw_cdeg, bench.heading_deg
+    bench.drive(3, 1, 0.0)
+    bench.run(20.0)
+    drift_deg = ((bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000) / 100 - (bench.heading_deg - heading)
+    assert abs(drift_deg) < 1.0
+
+
 @pytest.mark.parametrize(
     ("pitch_deg", "roll_deg"), [(0, 0), (12, 0), (-30, 0), (0, 20), (0, -75), (10, -40), (0, 170), (-85, 3)]
 )

@@ -138,7 +138,7 @@ void Carrier::watch_contact(const Odometry& odometry, const Obstacles& obstacles
   give_up(why);
   hard_ = true;
   backed_mm_q8_ = 0;
-  hold_cdeg_ = odometry.gyro().yaw_cdeg();
+  hold_cdeg_ = odometry.yaw_cdeg();
   mode_ = kBackOff;
 }
 
@@ -172,10 +172,10 @@ void Carrier::update(const Odometry& odometry, const Obstacles& obstacles) {
   }
 
   // A turn comes first: it leads away from what stands in front
-  int32_t error_cdeg = wrap_cdeg(command_.yaw_cdeg - odometry.gyro().yaw_cdeg());
+  int32_t error_cdeg = wrap_cdeg(command_.yaw_cdeg - odometry.yaw_cdeg());
   if (mode_ == kDrive && (command_.speed == 0 || magnitude(error_cdeg) > config::kTurnOnSpot_cdeg)) mode_ = kBrake;
   watch_contact(odometry, obstacles);
-  if (mode_ == kBackOff) error_cdeg = wrap_cdeg(hold_cdeg_ - odometry.gyro().yaw_cdeg());
+  if (mode_ == kBackOff) error_cdeg = wrap_cdeg(hold_cdeg_ - odometry.yaw_cdeg());
   const int32_t speed_q8 = (odometry.wheel_speed_q8(false) + odometry.wheel_speed_q8(true)) / 2;
   const bool blocked = obstacles.contact || obstacles.bumper || obstacles.cliff;
 

@@ -7,13 +7,20 @@ namespace {
 
 // One degree of yaw: 65.5 counts * 2^8 * 10^6 us
 const int64_t kDegree = static_cast<int64_t>(config::kGyroLsbPer10Dps) * 256 * 100000;
-const float kRadian = kDegree * 57.29578f;
 const float kRadianPerSecond_q16 = config::kGyroLsbPer10Dps * 5.729578f * 65536;  // counts
 const int64_t kFullTurn = kDegree * 360;
 // A sample's own variance is 1 (q16: 65536); the bias walks by 1/65536 of it per sample
 const uint32_t kBiasWalk_q16 = 1;
+// Eight standard deviations, and the sensor may be noisier than thought
+const float kWanderMax = 64;
+const uint32_t kWanderSlack_q16 = 655;
 const uint8_t kControlWindow = 4;
 const uint8_t kReportWindow = 10;
+
+// (rad/s)^2
+float sample_variances(uint32_t many_q16) {
+  return many_q16 / 65536.0f * config::kGyroNoise_rad_s * config::kGyroNoise_rad_s;
+}
 
 uint16_t add_capped(uint16_t value, uint32_t more) {
   const uint32_t sum = value + more;
@@ -23,8 +30,8 @@ uint16_t add_capped(uint16_t value, uint32_t more) {
 }  // namespace
 
 Gyro::Gyro()
-    : calibrated_(false), boot_count_(0), boot_sum_(0), boot_low_(0), boot_high_(0), bias_q16_(0), variance_q16_(0),
-      rate_q16_(0), yaw_(0) {}
+    : calibrated_(false), boot_count_(0), boot_sum_(0), boot_low_(0), boot_high_(0), now_(), before_(),
+      turned_(false), rate_q16_(0) {}
 
 void Gyro::calibrate(int16_t raw, bool still) {
   if (!still) {
@@ -44,15 +51,24 @@ void Gyro::calibrate(int16_t raw, bool still) {
   boot_sum_ += raw;
   ++boot_count_;
   if (boot_count_ < config::kGyroBootSamples) return;
-  bias_q16_ = static_cast<int32_t>(static_cast<int64_t>(boot_sum_) * 65536 / boot_count_);
-  variance_q16_ = 65536u / boot_count_;
+  now_.bias_q16 = static_cast<int32_t>(static_cast<int64_t>(boot_sum_) * 65536 / boot_count_);
+  now_.variance_q16 = 65536u / boot_count_;
+  before_ = now_;
   calibrated_ = true;
 }
 
-void Gyro::track_bias(int32_t innovation_q16) {
-  const uint32_t gain_q16 = static_cast<uint32_t>((static_cast<uint64_t>(variance_q16_) << 16) / (65536u + variance_q16_));
-  bias_q16_ += static_cast<int32_t>((static_cast<int64_t>(innovation_q16) * gain_q16) >> 16);
-  variance_q16_ = gain_q16;
+void Gyro::track_bias() {
+  const float spread = 1 + now_.variance_q16 / 65536.0f;
+  now_.with_yaw_s /= spread;
+  // q16 to q8 and s to us
+  turn(-static_cast<int64_t>(now_.with_yaw_s * (1e6f / 256) * rate_q16_));
+  now_.variance_q16 = static_cast<uint32_t>(now_.variance_q16 / spread);
+  now_.bias_q16 += static_cast<int32_t>((static_cast<int64_t>(rate_q16_) * now_.variance_q16) >> 16);
+}
+
+bool Gyro::wandered_too_far() const {
+  const float change = (now_.bias_q16 - before_.bias_q16) / kRadianPerSecond_q16;
+  return change * change > kWanderMax * sample_variances(before_.variance_q16 + kWanderSlack_q16);
 }
 
 void Gyro::sample(int16_t raw, uint32_t dt_us, bool still) {
@@ -60,41 +76,45 @@ void Gyro::sample(int16_t raw, uint32_t dt_us, bool still) {
     calibrate(raw, still);
     return;
   }
-  if (variance_q16_ < 65536u) variance_q16_ += kBiasWalk_q16;
-  const int32_t before_q16 = rate_q16_;
-  rate_q16_ = static_cast<int32_t>(raw) * 65536 - bias_q16_;
-  if (still && magnitude(rate_q16_) < config::kGyroStillGate_lsb * 65536) {
+  if (now_.variance_q16 < 65536u) now_.variance_q16 += kBiasWalk_q16;
+  if (before_.variance_q16 < 65536u) before_.variance_q16 += kBiasWalk_q16;
+  if (!still) now_.with_yaw_s += now_.variance_q16 / 65536.0f * dt_us * 1e-6f;
+  const int32_t rate_before_q16 = rate_q16_;
+  rate_q16_ = static_cast<int32_t>(raw) * 65536 - now_.bias_q16;
+  if (still && !turned_ && magnitude(rate_q16_) < config::kGyroStillGate_lsb * 65536) {
     // Standing still the rate is known: it is nought, and what the gyro shows is its bias
-    track_bias(rate_q16_);
-    rate_q16_ = 0;
-    return;
+    track_bias();
+    turned_ = wandered_too_far();
+    if (!turned_) {
+      rate_q16_ = 0;
+      return;
+    }
+    now_ = before_;
   }
   // Trapezoid; halved to q8 of counts
-  turn(static_cast<int64_t>((before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us);
+  turn(static_cast<int64_t>((rate_before_q16 >> 9) + (rate_q16_ >> 9)) * dt_us);
+  if (still) return;
+  before_ = now_;
+  turned_ = false;
 }
 
 void Gyro::turn(int64_t angle) {
-  yaw_ += angle;
-  if (yaw_ >= kFullTurn) yaw_ -= kFullTurn;
-  if (yaw_ < 0) yaw_ += kFullTurn;
-}
-
-void Gyro::correct(const Drift& drift) {
-  turn(static_cast<int64_t>(drift.yaw_rad * kRadian));
-  bias_q16_ -= static_cast<int32_t>(drift.rate_rad_s * kRadianPerSecond_q16);
+  now_.yaw += angle;
+  if (now_.yaw >= kFullTurn) now_.yaw -= kFullTurn;
+  if (now_.yaw < 0) now_.yaw += kFullTurn;
 }
 
 float Gyro::bias_variance() const {
-  return variance_q16_ / 65536.0f * config::kGyroNoise_rad_s * config::kGyroNoise_rad_s;
+  return sample_variances(now_.variance_q16);
 }
 
-int32_t Gyro::yaw_cdeg() const { return static_cast<int32_t>(yaw_ / (kDegree / 100)); }
+int32_t Gyro::yaw_cdeg() const { return static_cast<int32_t>(now_.yaw / (kDegree / 100)); }
 
 int32_t Gyro::rate_cdps() const { return (rate_q16_ >> 8) * 125 / (config::kGyroLsbPer10Dps * 32); }
 
 Odometry::Odometry()
-    : left_(0), right_(0), head_(0), last_us_(0), last_yaw_cdeg_(0), x_nm_(0), y_nm_(0), still_ms_(0),
-      imu_silent_ms_(0), motors_off_(true), first_(true) {
+    : left_(0), right_(0), head_(0), last_us_(0), last_gyro_cdeg_(0), last_yaw_cdeg_(0), x_nm_(0), y_nm_(0),
+      still_ms_(0), imu_silent_ms_(0), motors_off_(true), first_(true) {
   for (uint8_t i = 0; i < kHistory; ++i) {
     history_left_[i] = history_right_[i] = 0;
     history_us_[i] = 0;
@@ -128,10 +148,11 @@ void Odometry::update(hal::Hal& hardware, uint32_t now_us, bool motors_off) {
     imu_silent_ms_ = add_capped(imu_silent_ms_, dt_us / 1000u);
   }
 
-  const int32_t yaw_cdeg = gyro_.yaw_cdeg();
-  const int32_t turn_cdeg = wrap_cdeg(yaw_cdeg - last_yaw_cdeg_);
-  if (standing()) {
-    walls_.stand(gyro_.bias_variance());
+  const int32_t gyro_cdeg = gyro_.yaw_cdeg(), gyro_turn_cdeg = wrap_cdeg(gyro_cdeg - last_gyro_cdeg_);
+  last_gyro_cdeg_ = gyro_cdeg;
+  const int32_t now_cdeg = yaw_cdeg(), turn_cdeg = wrap_cdeg(now_cdeg - last_yaw_cdeg_);
+  if (standing() && !gyro_.turned()) {
+    walls_.stand(gyro_.bias_variance(), gyro_turn_cdeg);
   } else {
     walls_.move(dt_us, moved, turn_cdeg);
   }
@@ -141,7 +162,12 @@ void Odometry::update(hal::Hal& hardware, uint32_t now_us, bool motors_off) {
     x_nm_ += (distance_nm * cosine_q14(middle_cdeg)) / 16384;
     y_nm_ += (distance_nm * sine_q14(middle_cdeg)) / 16384;
   }
-  last_yaw_cdeg_ = yaw_cdeg;
+  last_yaw_cdeg_ = now_cdeg;
+}
+
+int32_t Odometry::yaw_cdeg() const {
+  const int32_t yaw_cdeg = wrap_cdeg(gyro_.yaw_cdeg() + walls_.yaw_cdeg());
+  return yaw_cdeg < 0 ? yaw_cdeg + 36000 : yaw_cdeg;
 }
 
 int32_t Odometry::window_speed_q8(int32_t ticks, uint8_t back) const {

@@ -9,33 +9,41 @@
 
 namespace core {
 
-// Yaw from a biased gyro. The bias is a scalar Kalman filter (Kalman 1960): it walks while the robot drives and is
-// measured by every sample of a standing robot. Its gain is 1/n after n samples of standing and at least 1/256.
+// Yaw from a biased gyro: a Kalman filter (Kalman 1960) over both. The bias walks while the robot drives and is measured
+// by every sample of a standing robot, with a gain of 1/n after n samples and at least 1/256; where it went tells what
+// the yaw lost on the way. A stand that shows another bias than it can have wandered to is none: the wheels stay, but
+// something turns the robot.
 class Gyro {
  public:
   Gyro();
   // One sample, `dt_us` after the one before; `still`: motors off and no tick for a while
   void sample(int16_t raw, uint32_t dt_us, bool still);
-  // What else is known of its drift
-  void correct(const Drift& drift);
   // (rad/s)^2
   float bias_variance() const;
   bool calibrated() const { return calibrated_; }
+  // In a stand that is none
+  bool turned() const { return turned_; }
   int32_t yaw_cdeg() const;
   int32_t rate_cdps() const;
 
  private:
   void calibrate(int16_t raw, bool still);
-  void track_bias(int32_t innovation_q16);
+  void track_bias();
+  bool wandered_too_far() const;
   void turn(int64_t angle);
   bool calibrated_;
   uint16_t boot_count_;
   int32_t boot_sum_;
   int16_t boot_low_, boot_high_;
-  int32_t bias_q16_;      // counts
-  uint32_t variance_q16_; // of the bias, in variances of one sample
+  struct Learned {
+    int32_t bias_q16;       // counts
+    uint32_t variance_q16;  // of the bias, in variances of one sample
+    float with_yaw_s;       // covariance of yaw and bias, in the same
+    int64_t yaw;            // counts * 2^8 * us
+  };
+  Learned now_, before_;  // what would be known if this stand had told nothing
+  bool turned_;
   int32_t rate_q16_;      // counts, bias removed
-  int64_t yaw_;           // counts * 2^8 * us
 };
 
 class Odometry {
@@ -44,8 +52,9 @@ class Odometry {
   // Every control tick
   void update(hal::Hal& hardware, uint32_t now_us, bool motors_off);
   // A new reading of the left or right sonar, 0 = nothing heard
-  void hear_wall(bool right, uint16_t range_mm) { gyro_.correct(walls_.hear(right, range_mm)); }
-  // How much of the yaw the walls told, and not the gyro
+  void hear_wall(bool right, uint16_t range_mm) { walls_.hear(right, range_mm); }
+  // What gyro and walls tell, and how much of it the walls
+  int32_t yaw_cdeg() const;
   int32_t yaw_by_walls_cdeg() const { return walls_.yaw_cdeg(); }
   const Gyro& gyro() const { return gyro_; }
   const Tilt& tilt() const { return tilt_; }
@@ -71,7 +80,7 @@ class Odometry {
   uint32_t history_us_[kHistory];
   uint8_t head_;
   uint32_t last_us_;
-  int32_t last_yaw_cdeg_;
+  int32_t last_gyro_cdeg_, last_yaw_cdeg_;
   int64_t x_nm_, y_nm_;
   uint16_t still_ms_, imu_silent_ms_;
   bool motors_off_, first_;

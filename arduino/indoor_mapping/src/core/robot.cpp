@@ -202,7 +202,7 @@ void Robot::report_odometry() {
   odo.seq = sequence_;
   odo.ticks_left = odometry_.ticks_left();
   odo.ticks_right = odometry_.ticks_right();
-  odo.yaw_cdeg = odometry_.gyro().yaw_cdeg();
+  odo.yaw_cdeg = odometry_.yaw_cdeg();
   odo.by_walls_cdeg = odometry_.yaw_by_walls_cdeg();
   odo.rate_cdps = odometry_.gyro().rate_cdps();
   odo.x_mm = odometry_.x_mm();

@@ -18,13 +18,15 @@ float square(float x) { return x * x; }
 
 WallHeading::WallHeading()
     : covariance_(), walls_(), plain_yaw_(0), plain_both_(0), plain_bias_(0), added_(),
-      added_before_rad_(0), trusted_(false), dt_us_(0), ticks_(0), turn_cdeg_(0) {}
+      added_before_rad_(0), left_to_tell_(1), trusted_(false), dt_us_(0), ticks_(0), turn_cdeg_(0) {}
 
 void WallHeading::forget(uint8_t state) {
   for (uint8_t i = 0; i < kStates; ++i) covariance_[state][i] = covariance_[i][state] = 0;
 }
 
-void WallHeading::stand(float bias_variance) {
+void WallHeading::stand(float bias_variance, int32_t told_cdeg) {
+  if (plain_both_ > 0) left_to_tell_ = covariance_[kYaw][kBias] / plain_both_;
+  added_before_rad_ -= (1 - left_to_tell_) * told_cdeg * kCdeg_rad;
   forget(kBias);
   covariance_[kBias][kBias] = plain_bias_ = bias_variance;
   plain_yaw_ = covariance_[kYaw][kYaw];
@@ -101,8 +103,7 @@ bool WallHeading::believable(const Drift& drift) const {
          square(added_.rate_rad_s + drift.rate_rad_s) <= most * plain_bias_;
 }
 
-Drift WallHeading::take_back() {
-  const Drift drift = {-added_.yaw_rad, -added_.rate_rad_s};
+void WallHeading::take_back() {
   added_ = Drift();
   walls_[0].known = walls_[1].known = trusted_ = false;
   forget(kYaw);
@@ -110,17 +111,16 @@ Drift WallHeading::take_back() {
   covariance_[kYaw][kYaw] = plain_yaw_;
   covariance_[kYaw][kBias] = covariance_[kBias][kYaw] = plain_both_;
   covariance_[kBias][kBias] = plain_bias_;
-  return drift;
 }
 
-Drift WallHeading::hear(bool right, uint16_t range_mm) {
+void WallHeading::hear(bool right, uint16_t range_mm) {
   predict();
   const uint8_t side = right ? 1 : 0;
   Wall& wall = walls_[side];
-  if (!trusted_ || range_mm <= config::kSonarMin_mm) return Drift();
+  if (!trusted_ || range_mm <= config::kSonarMin_mm) return;
   if (!wall.known) {
     begin(side, range_mm);
-    return Drift();
+    return;
   }
   const uint8_t distance = kWalls + 2 * side;
   const float near_m = range_mm * 1e-3f - wall.distance_m, far_m = near_m + config::kSonarStep_m;
@@ -129,7 +129,8 @@ Drift WallHeading::hear(bool right, uint16_t range_mm) {
   const float beside_m = near_m > 0 ? near_m : (far_m < 0 ? far_m : 0);
   if (square(beside_m) > square(config::kWallMisfit) * variance) {
     wall.bent = fabsf(beside_m) < config::kWallJump_m ? wall.bent + 1 : 0;
-    return wall.bent < config::kWallBendEchoes ? Drift() : take_back();
+    if (wall.bent >= config::kWallBendEchoes) take_back();
+    return;
   }
   wall.bent = 0;
   wall.unheard_m = 0;
@@ -152,7 +153,10 @@ Drift WallHeading::hear(bool right, uint16_t range_mm) {
   const bool proven = wall.followed_m > config::kWallProof_m;
   const float told_yaw_m = proven ? off_m : 0;
   const Drift drift = {gain[kYaw] * told_yaw_m, gain[kBias] * told_yaw_m};
-  if (!believable(drift)) return take_back();
+  if (!believable(drift)) {
+    take_back();
+    return;
+  }
   for (uint8_t i = 0; i < kStates; ++i) {
     for (uint8_t k = 0; k < kStates; ++k) {
       if (proven || i >= kWalls || k >= kWalls) covariance_[i][k] -= gain[i] * gain[k] * told;
@@ -162,7 +166,6 @@ Drift WallHeading::hear(bool right, uint16_t range_mm) {
   for (uint8_t i = 0; i < 2; ++i) walls_[i].distance_m += gain[kWalls + 2 * i] * off_m;
   added_.yaw_rad += drift.yaw_rad;
   added_.rate_rad_s += drift.rate_rad_s;
-  return drift;
 }
 
 }  // namespace core

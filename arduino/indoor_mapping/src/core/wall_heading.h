@@ -20,12 +20,12 @@ struct Drift {
 class WallHeading {
  public:
   WallHeading();
-  // The robot stands: the variance, (rad/s)^2, with which the gyro's bias is known now
-  void stand(float bias_variance);
+  // The robot stands: the variance, (rad/s)^2, with which the gyro's bias is known now, and what that told of its yaw
+  void stand(float bias_variance, int32_t told_cdeg);
   // The robot moved, as ticks of both wheels and gyro tell
   void move(uint32_t dt_us, int32_t ticks, int32_t turn_cdeg);
   // A new reading of the left or right sonar, 0 = nothing heard
-  Drift hear(bool right, uint16_t range_mm);
+  void hear(bool right, uint16_t range_mm);
   // How much of the yaw is from them, since power-on
   int32_t yaw_cdeg() const;
 
@@ -43,7 +43,7 @@ class WallHeading {
   void predict();
   void begin(uint8_t side, uint16_t range_mm);
   bool believable(const Drift& drift) const;
-  Drift take_back();
+  void take_back();
   void forget(uint8_t state);
   void add_row(uint8_t to, uint8_t from, float factor);
 
@@ -53,6 +53,7 @@ class WallHeading {
   float plain_yaw_, plain_both_, plain_bias_;
   Drift added_;
   float added_before_rad_;  // until the last standstill
+  float left_to_tell_;      // share of what a stand tells of the gyro's yaw that the walls had not told yet
   bool trusted_;
   uint32_t dt_us_;
   int32_t ticks_, turn_cdeg_;
