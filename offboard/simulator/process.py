@@ -93,10 +93,9 @@ class SimulatorNode:
         self._simulation.close()
 
     def _write(self) -> None:
-        if self._truth is None or self._power_on_s is None:
-            return
         log = self._simulation.world.truth_log
-        self._truth.append([tum_line(t_s + self._power_on_s, x, y, heading) for t_s, x, y, heading in log])
+        if self._truth is not None and self._power_on_s is not None:
+            self._truth.append([tum_line(t_s + self._power_on_s, x, y, heading) for t_s, x, y, heading in log])
         log.clear()
 
 
