@@ -35,13 +35,14 @@ KINK_M = 0.03  # half way the foot lies where both ends say, or these were not o
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """From `far` to `near` (odom) the wall ahead came nearer by `closer_m`, along its normal."""
+    """From `far` to `near` (odom) the wall ahead came nearer by `closer_m`, along its normal; `left_m` were left."""
 
     far_t_s: float
     far: Pose2
     near_t_s: float
     near: Pose2
     closer_m: float
+    left_m: float
 
 
 @dataclass(slots=True)
@@ -87,7 +88,9 @@ class ApproachTrack:
             return None
         if abs(float(np.median(feet_m[half_way])) - ends_m) > KINK_M:
             return None
-        return Approach(samples[far][0], samples[far][1], samples[near][0], samples[near][1], driven_m - passed_m)
+        left_m = float(np.median(feet_m[at_near]) - way_m[near])
+        (far_t_s, far_pose, _), (near_t_s, near_pose, _) = samples[far], samples[near]
+        return Approach(far_t_s, far_pose, near_t_s, near_pose, driven_m - passed_m, left_m)
 
     def _goes_on(self, pose: Pose2, range_m: float) -> bool:
         if self._turned(pose):

@@ -36,10 +36,10 @@ class LastSeen:
 
 @dataclass(frozen=True, slots=True)
 class Increment:
-    """What the front end adds: key frames; echoes and rays (N, 6) as `FrameStore` keeps them; approaches (N, 7).
+    """What the front end adds: key frames; echoes and rays (N, 6) as `FrameStore` keeps them; approaches (N, 8).
 
     Columns of an approach: key frame, x and y in it (m) of the far end; the same of the near end; by how much the wall
-    ahead came nearer (m).
+    ahead came nearer, and how far it still was (m).
     `known`: these key frames are a map from before, whose odometry is the map itself.
     """
 
@@ -48,7 +48,7 @@ class Increment:
     rays: FloatArray
     last: LastSeen | None = None
     known: bool = False
-    approaches: FloatArray = field(default_factory=lambda: np.zeros((0, 7)))
+    approaches: FloatArray = field(default_factory=lambda: np.zeros((0, 8)))
 
 
 @dataclass(frozen=True, slots=True)

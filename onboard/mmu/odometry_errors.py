@@ -29,12 +29,13 @@ class OdometryErrors:
     along_m: float = 0.003
     along_m_per_sqrt_m: float = 0.015
     across_share: float = 0.005
+    heading_rad: float = radians(0.05)
 
     def information(self, way_m: float, turn_rad: float) -> FloatArray:
         """(3, 3) of the relative pose at the end of such a way."""
         along_sd = self.along_m + self.along_m_per_sqrt_m * way_m**0.5
         across_sd = 0.003 + self.across_share * way_m
-        heading_sd = radians(0.05) + self.heading_rad_per_sqrt_m * way_m**0.5 + self.heading_share * abs(turn_rad)
+        heading_sd = self.heading_rad + self.heading_rad_per_sqrt_m * way_m**0.5 + self.heading_share * abs(turn_rad)
         return np.diag([along_sd**-2, across_sd**-2, heading_sd**-2])
 
     def search_window(self, since_m: float) -> tuple[float, float]:
@@ -45,8 +46,15 @@ class OdometryErrors:
         )
 
 
-# A cheap gyro's bias wanders by 0.016 deg/s a minute, at walking pace of this robot 0.1 deg/m, and is measured anew
-# whenever the robot stands still, which it sees to
-GYRO_LED = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.06), None, 0.006, LENGTH_SD))
+# A cheap gyro's bias wanders, and is measured anew whenever the robot stands still, which it sees to. What the yaw lost
+# until then is known by half: 0.12 deg in 25 s are left, which are 4 m.
+GYRO_LED = OdometryErrors(
+    radians(0.05),
+    0.001,
+    DriftPrior(radians(0.04), None, 0.006, LENGTH_SD),
+    along_m=0.002,
+    along_m_per_sqrt_m=0.01,
+    heading_rad=radians(0.02),
+)
 UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01, LENGTH_SD))
 WHEELS_ALONE = OdometryErrors(radians(1.5), 0.03, DriftPrior(radians(2.0), radians(0.1), 0.03, LENGTH_SD), 0.05, 0.006)

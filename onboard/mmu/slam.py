@@ -154,7 +154,7 @@ class Slam:
             for approach in self._surroundings.take_approaches():
                 far = self._in_frame(approach.far_t_s, (approach.far.x_m, approach.far.y_m))
                 near = self._in_frame(approach.near_t_s, (approach.near.x_m, approach.near.y_m))
-                self._approaches.append((*far, *near, approach.closer_m))
+                self._approaches.append((*far, *near, approach.closer_m, approach.left_m))
 
     def trajectory(self) -> tuple[FloatArray, FloatArray]:
         """Times (K,) and poses (K, 3) of the key frames as they lie now."""
@@ -225,7 +225,7 @@ class Slam:
             self._rays.rows(start[2], end[2]),
             None if last is None else LastSeen(last.session, board_pose(last), self.pose),
             known,
-            np.array(approaches).reshape(-1, 7),
+            np.array(approaches).reshape(-1, 8),
         )
 
     def _correct(self, correction: Correction) -> None:

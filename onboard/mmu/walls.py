@@ -39,6 +39,18 @@ class WallPiece:
         return pose.transform([self.x_m, self.y_m]), wrap_angle(self.normal_rad + pose.heading_rad)
 
 
+@dataclass(frozen=True, slots=True)
+class WallAhead:
+    """A wall seen straight ahead from `x_m`, `y_m`, with that normal, in the frame of key frame `node`."""
+
+    node: int
+    way_m: float
+    x_m: float
+    y_m: float
+    normal_rad: float
+    range_m: float
+
+
 def fit_piece(points: Points, normals_rad: FloatArray) -> tuple[FloatArray, float, float] | None:
     """Middle (2,), normal (radians) and length of the line through most of `points` (N, 2), or None."""
     if len(points) < PIECE_POINTS_MIN:

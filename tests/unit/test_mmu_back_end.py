@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi, radians
 
 import numpy as np
@@ -37,11 +38,32 @@ def hall(bend_rad: float) -> list[Increment]:
                 echoes.append([i, way_m, x_m, side, side * pi / 2, 1.0])
         if i % 3 == 2:
             ends = [10.0 * k + 8.0 for k in range(2) if way_m - 1.2 < 10.0 * k + 8.0 <= way_m]
-            rows = [[round((end - 4.0) / STEP_M), 0, 0, round(end / STEP_M), 0, 0, 4.0 * TRUE_M_PER_M] for end in ends]
-            approaches = np.array(rows, dtype=np.float64).reshape(-1, 7)
+            rows = [approach(end - 4.0, end, left_m=1.0) for end in ends]
+            approaches = np.array(rows, dtype=np.float64).reshape(-1, 8)
             rows_of = np.array(echoes)
             increments.append(Increment(tuple(frames), rows_of, np.zeros((0, 6)), approaches=approaches))
             frames, echoes = [], []
+    return increments
+
+
+def approach(from_m: float, to_m: float, left_m: float) -> list[float]:
+    closer_m = TRUE_M_PER_M * (to_m - from_m)
+    return [round(from_m / STEP_M), 0, 0, round(to_m / STEP_M), 0, 0, closer_m, left_m]
+
+
+def corner(seen_ahead: bool) -> list[Increment]:
+    """To the end of the hall, left, and on along the wall that was ahead; when `seen_ahead`, from 18 m to 20 m."""
+    increments = [replace(increment, approaches=np.zeros((0, 8))) for increment in hall(0.0)]
+    count, wall_m = sum(len(increment.frames) for increment in increments), TRUE_M_PER_M * WAY_M + 1.5
+    if seen_ahead:
+        row = approach(18.0, 20.0, left_m=wall_m - TRUE_M_PER_M * 20.0)
+        increments[-1] = replace(increments[-1], approaches=np.array([row]))
+    for i in range(count, count + 15):
+        way_m = WAY_M + (i - count) * STEP_M
+        odom = Pose2(WAY_M, way_m - WAY_M, pi / 2)
+        frame = KeyFrame(2.5 * way_m + 2.0, odom, way_m, way_m + 0.5, pi / 2, 0.0)
+        echoes = [[i, way_m + 0.5, 0.05 * k, -1.5, -pi / 2, 1.5] for k in range(8)]
+        increments.append(Increment((frame,), np.array(echoes), np.zeros((0, 6))))
     return increments
 
 
@@ -62,3 +84,11 @@ def test_a_wall_ahead_corrects_the_length_of_the_way() -> None:
     way = poses(hall(0.0))
     end_m, driven_m = way[-1, 0], STEP_M * (len(way) - 1)
     assert 1.002 * driven_m < end_m < 1.0065 * driven_m
+
+
+@pytest.mark.requirement("MMU_MR_03")
+def test_a_wall_ahead_is_known_again_once_it_is_driven_along() -> None:
+    """The sonar ahead saw it for 2 m only; the one beside tells where it is after 6."""
+    short, long = (poses(corner(seen_ahead))[-1, 0] for seen_ahead in (False, True))
+    assert short == pytest.approx(WAY_M, abs=0.01)
+    assert long > WAY_M + 0.4 * (TRUE_M_PER_M - 1.0) * WAY_M
