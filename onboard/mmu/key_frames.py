@@ -23,6 +23,7 @@ class KeyFrame:
     turned_rad: float  # sum of the turns since the start, by raw odometry
     calibrated_rad: float  # of which that much was added by the calibration then in force
     certain: bool = True  # false: the robot may have been carried since the key frame before
+    slip_m_per_sqrt_m: float | None = None  # of the way, where it is known
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Pose2, wrap_angle
 from common.messages import Odometry
 from onboard.mmu.kalman import ExtendedKalmanFilter
+from onboard.mmu.wheel_slip import WheelSlip
 
 # Causes, as standard deviations
 SLIP_SD_PER_SQRT_M = 0.01  # metres of slip per wheel after one metre
@@ -36,6 +37,7 @@ class OdometryFilter:
         self._last: Odometry | None = None
         self._pose = Pose2(0.0, 0.0, 0.0)
         self._calibration = (0.0, 0.0)  # rad per metre, rad per radian
+        self.slip = WheelSlip(track_m)
         self.turned_rad = 0.0  # all turns so far, as measured
         self.calibrated_rad = 0.0  # all that the calibration added to them
         self._yaw_unwrapped_rad = 0.0
@@ -72,7 +74,9 @@ class OdometryFilter:
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
         self._predict(left_m, right_m, dt_s, odometry.standing)
-        self._yaw_unwrapped_rad += wrap_angle(gyro_yaw_rad(odometry) - gyro_yaw_rad(last))
+        turned_rad = wrap_angle(gyro_yaw_rad(odometry) - gyro_yaw_rad(last))
+        self._yaw_unwrapped_rad += turned_rad
+        self.slip.drive(left_m, right_m, turned_rad)
         self._correct()
         moved = before.between(Pose2.from_array(self._filter.x.ravel()))
         if dt_s > GAP_S:

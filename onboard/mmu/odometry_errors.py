@@ -27,13 +27,14 @@ class OdometryErrors:
     lost_m_per_m: float = 0.02  # three standard deviations of the place, by the way since the last closure
     lost_rad_per_m: float = 0.002
     along_m: float = 0.003
-    along_m_per_sqrt_m: float = 0.015
+    slip_m_per_sqrt_m: float = 0.015  # of the way, where nothing tells
     across_share: float = 0.005
     heading_rad: float = radians(0.05)
 
-    def information(self, way_m: float, turn_rad: float) -> FloatArray:
-        """(3, 3) of the relative pose at the end of such a way."""
-        along_sd = self.along_m + self.along_m_per_sqrt_m * way_m**0.5
+    def information(self, way_m: float, turn_rad: float, slip_m_per_sqrt_m: float | None = None) -> FloatArray:
+        """(3, 3) of the relative pose at the end of such a way; `slip_m_per_sqrt_m`: where it is known."""
+        slip_m_per_sqrt_m = self.slip_m_per_sqrt_m if slip_m_per_sqrt_m is None else slip_m_per_sqrt_m
+        along_sd = self.along_m + slip_m_per_sqrt_m * way_m**0.5
         across_sd = 0.003 + self.across_share * way_m
         heading_sd = self.heading_rad + self.heading_rad_per_sqrt_m * way_m**0.5 + self.heading_share * abs(turn_rad)
         return np.diag([along_sd**-2, across_sd**-2, heading_sd**-2])
@@ -53,7 +54,6 @@ GYRO_LED = OdometryErrors(
     0.001,
     DriftPrior(radians(0.04), None, 0.006, LENGTH_SD),
     along_m=0.002,
-    along_m_per_sqrt_m=0.01,
     heading_rad=radians(0.02),
 )
 UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01, LENGTH_SD))

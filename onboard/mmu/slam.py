@@ -205,7 +205,8 @@ class Slam:
         certain = not self._odometry.carried
         if not certain:
             self._odometry.carried, self._lost, self._known_way_m = False, True, self._way_m
-        self._frames.append(KeyFrame(t_s, odom, self._travel_m, self._way_m, turned_rad, calibrated_rad, certain))
+        slip = self._odometry.slip.along_m_per_sqrt_m
+        self._frames.append(KeyFrame(t_s, odom, self._travel_m, self._way_m, turned_rad, calibrated_rad, certain, slip))
 
     def _hand_over(self, t_s: float) -> None:
         self._handed_m = self._way_m

@@ -57,12 +57,18 @@ class Trail:
         node = self.graph.add_node(self.graph.pose(len(self.frames) - 1).compose(expected))
         if known:  # not driven
             travel_m = turn_rad = 0.0
-        information = KNOWN if known else self.errors.information(travel_m, turn_rad)
+        information = KNOWN if known else self.errors.information(travel_m, turn_rad, frame.slip_m_per_sqrt_m)
         if not frame.certain:
             information = CARRIED
             self.tied_m = frame.way_m - CARRIED_M
         self.graph.edges.append(Edge(node - 1, node, raw, information, Kind.ODOMETRY, travel_m, turn_rad, stretch))
         self.frames.append(frame)
+
+    @property
+    def slip_m_per_sqrt_m(self) -> float:
+        """Of the newest way."""
+        known = self.frames[-1].slip_m_per_sqrt_m
+        return self.errors.slip_m_per_sqrt_m if known is None else known
 
     def distrust_odometry(self) -> None:
         """Its heading is not led by a gyro: what was tied while that was believed is looked at no more."""

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from common.environment import PROCESS_ENVIRONMENT
+from common.memory import give_back
 from onboard.mmu.key_frames import Correction, Increment
 
 _LENGTH = struct.Struct("<Q")
@@ -133,6 +134,7 @@ def _converse(
         with contextlib.suppress(OSError, ValueError, EOFError, pickle.UnpicklingError):
             send(process.stdin, increment)
             message = receive(process.stdout)
+            give_back()
         assert message is None or isinstance(message, Correction)
         answers.put(message)
         if message is None:

@@ -8,6 +8,7 @@ import signal
 import sys
 from pathlib import Path
 
+from common.memory import give_back
 from onboard.mmu.key_frames import Increment
 from onboard.mmu.on_demand import on_demand
 from onboard.mmu.worker import receive, send
@@ -27,6 +28,7 @@ def main() -> None:
             return
         send(sys.stdout.buffer, rounds.take(increment))
         rounds.save()
+        give_back()
 
 
 if __name__ == "__main__":
