@@ -33,11 +33,14 @@ class OdometryErrors:
 
     def information(self, way_m: float, turn_rad: float, slip_m_per_sqrt_m: float | None = None) -> FloatArray:
         """(3, 3) of the relative pose at the end of such a way; `slip_m_per_sqrt_m`: where it is known."""
-        slip_m_per_sqrt_m = self.slip_m_per_sqrt_m if slip_m_per_sqrt_m is None else slip_m_per_sqrt_m
-        along_sd = self.along_m + slip_m_per_sqrt_m * way_m**0.5
+        along_sd = self.along_m + self.slip(slip_m_per_sqrt_m) * way_m**0.5
         across_sd = 0.003 + self.across_share * way_m
         heading_sd = self.heading_rad + self.heading_rad_per_sqrt_m * way_m**0.5 + self.heading_share * abs(turn_rad)
         return np.diag([along_sd**-2, across_sd**-2, heading_sd**-2])
+
+    def slip(self, known_m_per_sqrt_m: float | None) -> float:
+        """Of the way after one metre, as a standard deviation: the known one, or what is to be expected."""
+        return self.slip_m_per_sqrt_m if known_m_per_sqrt_m is None else known_m_per_sqrt_m
 
     def search_window(self, since_m: float) -> tuple[float, float]:
         """How far off (metres, radians) the robot may be after so much way without a closure."""

@@ -64,12 +64,6 @@ class Trail:
         self.graph.edges.append(Edge(node - 1, node, raw, information, Kind.ODOMETRY, travel_m, turn_rad, stretch))
         self.frames.append(frame)
 
-    @property
-    def slip_m_per_sqrt_m(self) -> float:
-        """Of the newest way."""
-        known = self.frames[-1].slip_m_per_sqrt_m
-        return self.errors.slip_m_per_sqrt_m if known is None else known
-
     def distrust_odometry(self) -> None:
         """Its heading is not led by a gyro: what was tied while that was believed is looked at no more."""
         self.errors = WHEELS_ALONE

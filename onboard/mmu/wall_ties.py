@@ -63,8 +63,9 @@ class WallTies:
                 )
 
     def _come_nearer(self, far: int, near: int, pose: Pose2, n: FloatArray, way_m: float, closer_m: float) -> bool:
-        """Tie two nodes: a wall with normal `n` (2,) came nearer by `closer_m`, while the map says `way_m`."""
-        slip_m2 = APPROACH_SD_M**2 + self._trail.slip_m_per_sqrt_m**2 * abs(way_m)
+        """Tie two nodes: a wall came nearer by `closer_m` along `n` (2,), by the map `way_m`; true if believed."""
+        slip = self._trail.errors.slip(self._trail.frames[-1].slip_m_per_sqrt_m)
+        slip_m2 = APPROACH_SD_M**2 + slip**2 * abs(way_m)
         doubt_m = sqrt(slip_m2 + way_m**2 / self._length_information)
         if abs(closer_m - way_m) > APPROACH_SIGMAS * doubt_m:
             return False

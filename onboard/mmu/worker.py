@@ -134,8 +134,8 @@ def _converse(
         with contextlib.suppress(OSError, ValueError, EOFError, pickle.UnpicklingError):
             send(process.stdin, increment)
             message = receive(process.stdout)
-            give_back()
         assert message is None or isinstance(message, Correction)
         answers.put(message)
         if message is None:
             return
+        give_back()

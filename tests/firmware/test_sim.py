@@ -25,6 +25,10 @@ class NoisyBench(Bench):
         return round(rate_deg_s * 65.5)
 
 
+def turned_cdeg(bench: Bench, since_cdeg: int) -> int:
+    return (bench.odo.yaw_cdeg - since_cdeg + 18000) % 36000 - 18000
+
+
 @pytest.mark.requirement("SIM_MR_01", "SIM_MR_05", "CAR_MR_06")
 def test_everything_is_reported_ten_times_a_second() -> None:
     bench = ready_bench()
@@ -39,7 +43,7 @@ def test_yaw_of_a_standing_robot_does_not_drift() -> None:
     bench = NoisyBench()
     bench.run(60.0)
     assert bench.odo.flags & OdoFlag.STANDING
-    assert (bench.odo.yaw_cdeg + 18000) % 36000 - 18000 == pytest.approx(0, abs=20)
+    assert turned_cdeg(bench, 0) == pytest.approx(0, abs=20)
 
 
 def test_bias_is_known_well_after_a_second_of_standing() -> None:
@@ -56,7 +60,7 @@ def test_bias_is_known_well_after_a_second_of_standing() -> None:
         before, heading = bench.odo.yaw_cdeg, bench.heading_deg
         bench.drive(3, 1, 0.0)
         bench.run(10.0)
-        drift_deg = ((bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000) / 100 - (bench.heading_deg - heading)
+        drift_deg = turned_cdeg(bench, before) / 100 - (bench.heading_deg - heading)
         errors.append(drift_deg / 10.0)
     assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 0.010
 
@@ -77,7 +81,7 @@ def test_a_rest_tells_what_the_yaw_lost_since_the_last_one() -> None:
             bench.gyro_bias_deg_s += bench.noise.gauss(0.0, 0.002)
         bench.drive(2, 0, 0.0)
         bench.run(2.5)
-        errors.append(((bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000) / 100 - (bench.heading_deg - heading))
+        errors.append(turned_cdeg(bench, before) / 100 - (bench.heading_deg - heading))
     assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 0.15
 
 
@@ -93,11 +97,11 @@ def test_a_robot_that_is_turned_on_standing_wheels_learns_no_bias_from_it() -> N
     bench.run(1.4)
     bench.gyro_bias_deg_s -= 0.35
     bench.run(0.1)
-    assert (bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000 == pytest.approx(49, abs=12)
+    assert turned_cdeg(bench, before) == pytest.approx(49, abs=12)
     before, heading = bench.odo.yaw_cdeg, bench.heading_deg
     bench.drive(3, 1, 0.0)
     bench.run(20.0)
-    drift_deg = ((bench.odo.yaw_cdeg - before + 18000) % 36000 - 18000) / 100 - (bench.heading_deg - heading)
+    drift_deg = turned_cdeg(bench, before) / 100 - (bench.heading_deg - heading)
     assert abs(drift_deg) < 1.0
 
 
