@@ -108,13 +108,13 @@ class ZenohBus:
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
 
     def latest(self, topic: Topic[P]) -> P | None:
-        return self._inbox(topic).newest
+        return self._looked_at(topic).newest
 
     def take(self, topic: Topic[P]) -> list[P]:
         return self._inbox(topic).take()
 
     def age_s(self, topic: Topic[Any]) -> float:
-        return max(0.0, self._clock.step_s() - self._inbox(topic).arrived_s)
+        return max(0.0, self._clock.step_s() - self._looked_at(topic).arrived_s)
 
     def await_messages(self, expected: Announcements, stop: threading.Event) -> None:
         """Waits for what was announced on the topics that this process reads; what is lost holds it for LOST_S."""
@@ -189,12 +189,16 @@ class ZenohBus:
         return self._command_session if topic.is_command else self._session
 
     def _inbox(self, topic: Topic[P]) -> Inbox[P]:
-        """The topic's inbox after a look; made at the first."""
+        """The topic's inbox; made when it is first asked for."""
         inbox: Inbox[P] | None = self._inboxes.get(topic.key)
         if inbox is None:
             session, refuses, arrived = self._session_for(topic), self.gate.refuses, self._arrival.set
             inbox = Inbox(session, self._key(topic), topic, self._clock, self._reader, refuses, arrived)
             self._inboxes[topic.key] = inbox
+        return inbox
+
+    def _looked_at(self, topic: Topic[P]) -> Inbox[P]:
+        inbox = self._inbox(topic)
         inbox.look()
         return inbox
 

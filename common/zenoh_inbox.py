@@ -109,12 +109,13 @@ class Inbox(Generic[P]):
             self._accept(self._clock.arrival_s(arrived_s), envelope)
 
     def take(self) -> list[P]:
-        """Everything since the last call, after a look; at the first call only the newest."""
+        """Everything since the last call; at the first call the newest of what was looked at before."""
         if self._queue is None:
-            self._queue = deque(maxlen=QUEUE_LENGTH)
+            # Before the look: the answer to the very first question may be there within it
+            self._queue = deque([] if self.newest is None else [self.newest], maxlen=QUEUE_LENGTH)
             with self._lock:
                 self._pending = deque(self._pending, maxlen=QUEUE_LENGTH)
-            return [] if self.newest is None else [self.newest]
+        self.look()
         messages = list(self._queue)
         self._queue.clear()
         return messages

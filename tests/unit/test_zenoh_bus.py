@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -135,8 +135,7 @@ def test_late_joiner_gets_the_newest_state_and_the_whole_map(open_bus: Open) -> 
     for revision in (1, 2):
         sender.publish(GRID, grid(revision))
     late = open_bus("recorder")
-    late.take(MAP)
-    updates: list[MapUpdate] = []
+    updates = late.take(MAP)
 
     def whole() -> bool:
         updates.extend(late.take(MAP))
@@ -145,6 +144,38 @@ def test_late_joiner_gets_the_newest_state_and_the_whole_map(open_bus: Open) -> 
     until(whole)
     assert [(u.revision, u.start) for u in updates] == [(2, 0), (2, 3), (2, 5)]
     until(lambda: late.latest(GRID) == grid(2))
+
+
+class _AnsweredAtOnce:
+    """A session whose questions are answered before `get` returns, as where its thread had to wait for a processor."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._session, name)
+
+    def get(self, key: str, handler: Any, **options: Any) -> None:
+        done = threading.Event()
+
+        def finished() -> None:
+            handler.drop()
+            done.set()
+
+        own = zenoh.handlers.Callback(handler.callback, finished, indirect=False)
+        self._session.get(key, own, **options)
+        assert done.wait(5.0)
+
+
+def test_a_map_that_comes_within_the_first_take_is_whole(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    open_bus("comm", "router")
+    sender, late = open_bus("mmu"), open_bus("visualizer")
+    for update in (wall(0, 3), wall(3, 2)):
+        sender.publish(MAP, update)
+    until(lambda: {"mmu", "comm"} <= late.alive_tokens())
+    monkeypatch.setattr(late, "_session", _AnsweredAtOnce(late._session))
+    assert [update.start for update in late.take(MAP)] == [0, 3]
+    monkeypatch.undo()
 
 
 def test_missed_increments_are_asked_for(open_bus: Open, config: Config) -> None:
