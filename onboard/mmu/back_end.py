@@ -7,11 +7,12 @@
 
 from __future__ import annotations
 
+from onboard.mmu.edges import Kind
 from onboard.mmu.key_frames import Correction, FrameStore, Increment
 from onboard.mmu.loop_ties import LoopTies
 from onboard.mmu.near_ties import NearTies
 from onboard.mmu.odometry_errors import GYRO_LED, UNKNOWN
-from onboard.mmu.pose_graph import TURN, Kind
+from onboard.mmu.pose_graph import TURN
 from onboard.mmu.trail import Trail
 from onboard.mmu.wall_ties import WallTies
 
@@ -66,9 +67,9 @@ class BackEnd:
     def _rest(self, before: int) -> int:
         """Once all edges from the `before`-th on are in; returns how many edges there are."""
         graph = self._trail.graph
-        if len(graph.edges) > before and graph.strain(before) > STRAIN_MAX:
+        if graph.strain(before).max(initial=0.0) > STRAIN_MAX:
             graph.optimise(before)
-        for edge in graph.edges[before:]:
-            if edge.kind is Kind.LOOP and graph.chi2(edge) < ADOPTED_CHI2:
-                self._trail.tied_m = self._trail.way_m
+        loops = graph.edges.of_kind(Kind.LOOP)[before:]
+        if (graph.strain(before)[loops] < ADOPTED_CHI2).any():
+            self._trail.tied_m = self._trail.way_m
         return len(graph.edges)

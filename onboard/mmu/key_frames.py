@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from common.geometry import FloatArray, Points, Pose2
+from onboard.mmu.growing import GrowingRows
 from onboard.mmu.occupancy import OccupancyGrid
 from onboard.mmu.wall_points import WallPoints
 
@@ -72,67 +72,59 @@ class Correction:
         return cls(np.zeros((0, 3)), (0.0, 0.0), 0, 0.0)
 
 
-@dataclass(slots=True)
 class FrameStore:
-    """Directed lengths (echoes, free rays), each in the frame of its key frame; grows by a quarter.
+    """Directed lengths (echoes, free rays), each in the frame of its key frame.
 
     Columns: key frame, way (m), x (m), y (m), direction (rad; an echo's is the wall's normal), length (m). Kept in
     single precision, which is a tenth of a millimetre after a kilometre; what comes out is double.
     """
 
-    count: int = 0
-    _rows: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros((1024, 6), np.float32))
+    def __init__(self) -> None:
+        self._kept = GrowingRows(np.float32, (6,), 1024)
+
+    def __len__(self) -> int:
+        return len(self._kept)
 
     def append(self, rows: FloatArray) -> None:
         """(N, 6) more."""
-        needed = self.count + len(rows)
-        if needed > len(self._rows):
-            more = max(needed, len(self._rows) * 5 // 4) - len(self._rows)
-            self._rows = np.concatenate([self._rows, np.zeros((more, 6), np.float32)])
-        self._rows[self.count : needed] = rows
-        self.count = needed
+        self._kept.append(rows)
 
     def rows(self, start: int = 0, end: int | None = None) -> FloatArray:
         """(N, 6) from the `start`-th on, up to the `end`-th."""
-        return self._rows[start : self.count if end is None else min(end, self.count)].astype(np.float64)
+        return self._kept.rows[start:end].astype(np.float64)
 
     def stretch(self, from_m: float, to_m: float = float("inf")) -> FloatArray:
         """(N, 6) of a stretch of the way."""
-        rows = self._rows[: self.count]
+        rows = self._kept.rows
         return rows[(rows[:, 1] >= from_m) & (rows[:, 1] <= to_m)].astype(np.float64)
 
 
 class PoseStore:
-    """Poses of all key frames in the map; grows by doubling."""
+    """Poses of all key frames in the map."""
 
     def __init__(self) -> None:
-        self._rows: FloatArray = np.zeros((256, 3))
-        self._count = 0
+        self._kept = GrowingRows(shape=(3,))
 
     @property
     def array(self) -> FloatArray:
         """(K, 3)."""
-        return self._rows[: self._count]
+        return self._kept.rows
 
     @property
     def last(self) -> Pose2:
-        return Pose2.from_array(self._rows[self._count - 1])
+        return Pose2.from_array(self.array[-1])
 
     def append(self, pose: Pose2) -> None:
-        if self._count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        self._rows[self._count] = pose.as_array()
-        self._count += 1
+        self._kept.append([pose.as_array()])
 
     def correct(self, poses: FloatArray) -> None:
         """The first of them lie at `poses` (N, 3); those that are newer follow the last of these."""
         known = len(poses)
         newer: list[Pose2] = []
-        if self._count > known > 0:
-            shift = Pose2.from_array(poses[-1]).compose(Pose2.from_array(self._rows[known - 1]).inverse())
-            newer = [shift.compose(Pose2.from_array(p)) for p in self._rows[known : self._count]]
-        self._rows = np.concatenate([poses, np.zeros((max(256, known), 3))])
-        self._count = known
+        if len(self._kept) > known > 0:
+            shift = Pose2.from_array(poses[-1]).compose(Pose2.from_array(self.array[known - 1]).inverse())
+            newer = [shift.compose(Pose2.from_array(p)) for p in self.array[known:]]
+        self._kept.replace(poses)
         for pose in newer:
             self.append(pose)
 

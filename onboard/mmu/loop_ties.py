@@ -8,7 +8,7 @@ from math import radians
 import numpy as np
 
 from common.geometry import FloatArray
-from onboard.mmu.pose_graph import Kind
+from onboard.mmu.edges import Kind
 from onboard.mmu.trail import Trail
 
 RECENT_M = 5.0  # of way that is matched as one

@@ -14,8 +14,8 @@ from math import radians
 import numpy as np
 
 from common.geometry import Pose2, wrap_angle
+from onboard.mmu.edges import Edge, Kind
 from onboard.mmu.odometry_errors import WHEELS_ALONE
-from onboard.mmu.pose_graph import Edge, Kind
 from onboard.mmu.trail import Trail
 from onboard.mmu.wall_bend import bend
 
@@ -44,8 +44,8 @@ class NearTies:
     def look(self) -> None:
         """The newest stretch onto the one before it, where no gyro leads odometry."""
         if self._trail.errors is WHEELS_ALONE:
-            self._trail.graph.edges.extend(self._waiting)
-            self._waiting.clear()
+            while self._waiting:
+                self._trail.graph.edges.append(self._waiting.popleft())
             self._tie_newest()
 
     def judge_odometry(self) -> None:

@@ -10,14 +10,17 @@ with it. Node 0 stays in its place, the map as a whole keeps its direction.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
 from math import atan2, cos, radians, sin
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import block_diag, csr_matrix, identity
 from scipy.sparse.linalg import splu
 
-from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
+from common.geometry import FloatArray, Pose2, wrap_angles
+from onboard.mmu.edges import EdgeStore, Kind
+from onboard.mmu.growing import GrowingRows
 
 DCS_PHI = 8.0
 ITERATIONS = 14
@@ -26,34 +29,6 @@ AT_REST = 1e-3
 # In `slow`: m/m, rad/rad, the direction (rad) of walls that stand at right angles, then rad/m of each stretch
 LENGTH, TURN, WALLS, PER_M = range(4)
 WALLS_SD_RAD = radians(45.0)  # nothing is known of it beforehand
-
-
-class Kind(Enum):
-    """Where an edge comes from: what may be wrong with it."""
-
-    ODOMETRY = 0
-    NEAR = 1  # walls seen a little earlier on the way
-    LOOP = 2  # a place visited before
-    WALL = 3  # a wall that goes on
-    BEARING = 4  # the building's right angles
-    APPROACH = 5  # a wall ahead that came nearer
-
-
-@dataclass(frozen=True, slots=True)
-class Edge:
-    """Pose of node `second` as seen from node `first`, with its information matrix (3, 3).
-
-    `way_m` and `turn_rad` are what odometry drove in between, for its slow errors; zero for every other kind.
-    """
-
-    first: int
-    second: int
-    relative: Pose2
-    information: FloatArray
-    kind: Kind
-    way_m: float = 0.0
-    turn_rad: float = 0.0
-    stretch: int = 0  # which of the values per metre holds here
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +46,12 @@ class PoseGraph:
     """`poses` (K, 3) are the best estimates in the map, `slow` (3 + stretches,) those of what hardly changes."""
 
     prior: DriftPrior
-    edges: list[Edge] = field(default_factory=list)
+    edges: EdgeStore = field(default_factory=EdgeStore)
     slow: FloatArray = field(default_factory=lambda: np.zeros(PER_M + 1))
-    _poses: list[FloatArray] = field(default_factory=list)
+    _poses: GrowingRows = field(default_factory=lambda: GrowingRows(shape=(3,)))
 
     def add_node(self, pose: Pose2) -> int:
-        self._poses.append(pose.as_array())
+        self._poses.append([pose.as_array()])
         return len(self._poses) - 1
 
     def __len__(self) -> int:
@@ -89,30 +64,27 @@ class PoseGraph:
 
     @property
     def poses(self) -> FloatArray:
-        return np.array(self._poses).reshape(-1, 3)
+        return self._poses.rows.copy()
 
     def pose(self, node: int) -> Pose2:
-        return Pose2.from_array(self._poses[node])
+        return Pose2.from_array(self._poses.rows[node])
 
-    def chi2(self, edge: Edge) -> float:
-        """How strongly an edge that is no odometry pulls."""
-        error = self.pose(edge.first).between(self.pose(edge.second)).as_array() - edge.relative.as_array()
-        error[2] = wrap_angle(error[2] - (self.slow[WALLS] if edge.kind is Kind.BEARING else 0.0))
-        return float(error @ edge.information @ error)
-
-    def strain(self, start: int) -> float:
-        """The largest chi squared among the edges from the `start`-th on."""
-        return max((self.chi2(edge) for edge in self.edges[start:] if edge.kind is not Kind.ODOMETRY), default=0.0)
+    def strain(self, start: int = 0) -> FloatArray:
+        """How strongly each edge from the `start`-th on pulls: chi squared (E,), zero for odometry."""
+        if start == len(self.edges):
+            return np.zeros(0)
+        system = _System(self.edges.rows[start:], len(self), len(self.slow), self.prior)
+        return system.strain(self._poses.rows, self.slow)
 
     def optimise(self, since: int = 0) -> float:
         """Bring all poses to rest; returns the largest move of a node in metres.
 
         `since`: from which edge on a tie that stays strained may pull the graph over.
         """
-        if len(self._poses) < 2 or not self.edges:
+        if len(self) < 2 or not len(self.edges):
             return 0.0
         before = self.poses
-        system = _System(self.edges, len(before), len(self.slow), self.prior)
+        system = _System(self.edges.rows, len(before), len(self.slow), self.prior)
         poses, slow = system.settle(before, self.slow, DCS_PHI)
         if system.strain(poses, slow)[since:].max(initial=0.0) > DCS_PHI:
             # Graduated non-convexity (Yang et al. 2020): first everything pulls, then what stays strained lets go
@@ -120,27 +92,26 @@ class PoseGraph:
             if system.cost(*pulled) < system.cost(poses, slow):
                 poses, slow = pulled
         poses = _turned_least(poses, before)
-        self._poses, self.slow = list(poses), slow
+        self._poses.replace(poses)
+        self.slow = slow
         return float(np.hypot(*(poses - before)[:, :2].T).max())
 
 
 class _System:
-    """The edges as arrays, and one Gauss-Newton step on them."""
+    """Rows (E,) of an `EdgeStore` over so many poses and slow values, and one Gauss-Newton step on them."""
 
-    def __init__(self, edges: list[Edge], count: int, slow: int, prior: DriftPrior) -> None:
-        self.first = np.array([e.first for e in edges])
-        self.second = np.array([e.second for e in edges])
-        self.measured = np.array([e.relative.as_array() for e in edges])
-        self.information = np.array([e.information for e in edges])
-        self.kind = np.array([e.kind.value for e in edges])
-        self.driven = np.array([(e.turn_rad, float(e.kind is Kind.BEARING), e.way_m) for e in edges])
-        self.wheeled = np.array([e.way_m > 0.0 for e in edges], dtype=np.float64)
-        self.stretch = np.array([e.stretch for e in edges])
+    def __init__(self, edges: npt.NDArray[Any], count: int, slow: int, prior: DriftPrior) -> None:
+        self.first, self.second, self.kind = edges["first"], edges["second"], edges["kind"]
+        self.measured, self.information = edges["relative"], edges["information"]
+        self.stretch, way_m = edges["stretch"], edges["way_m"]
+        self.driven = np.stack([edges["turn_rad"], self.kind == Kind.BEARING.value, way_m], axis=1)
+        self.wheeled = (way_m > 0.0).astype(np.float64)
         self.size = 3 * count
         self.slow = slow
-        seldom = [(*range(self.size, self.size + PER_M), self.size + PER_M + e.stretch) for e in edges]
         nodes = [3 * node[:, None] + np.arange(3) for node in (self.first, self.second)]
-        columns = np.concatenate([*nodes, seldom], axis=1, dtype=np.int32)
+        seldom = np.full((len(edges), 1), self.size) + np.arange(PER_M)
+        per_m = self.size + PER_M + self.stretch[:, None]
+        columns = np.concatenate([*nodes, seldom, per_m], axis=1, dtype=np.int32)
         self.columns = np.repeat(columns, 3, axis=0).ravel()
         self.prior = np.zeros((slow, slow))
         sd = np.array([prior.m_per_m, prior.rad_per_rad, WALLS_SD_RAD, prior.rad_per_m])

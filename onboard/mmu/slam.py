@@ -174,7 +174,7 @@ class Slam:
     @property
     def map_count(self) -> int:
         """How many wall points the map has, with those that `map_points` has not placed yet."""
-        return self._walls.count + self._echoes.count - self._placed
+        return self._walls.count + len(self._echoes) - self._placed
 
     def _draw(self) -> None:
         """Bring the grid up to the newest echoes and rays."""
@@ -213,7 +213,7 @@ class Slam:
         if self._handed[0] < self._known:  # the map from before, as it was
             increment = self._increment(self._handed, (self._known, self._known_echoes, self._known_rays), known=True)
         else:
-            increment = self._increment(self._handed, (len(self._frames), self._echoes.count, self._rays.count))
+            increment = self._increment(self._handed, (len(self._frames), len(self._echoes), len(self._rays)))
         self._worker.submit(increment, t_s)
 
     def _increment(self, start: tuple[int, int, int], end: tuple[int, int, int], known: bool = False) -> Increment:
@@ -269,7 +269,7 @@ class Slam:
         self._handed, self._handed_m = (0, 0, 0), -inf
 
     def _set_known(self) -> None:
-        self._known, self._known_echoes, self._known_rays = len(self._frames), self._echoes.count, self._rays.count
+        self._known, self._known_echoes, self._known_rays = len(self._frames), len(self._echoes), len(self._rays)
         self._known_way_m = self._way_m
 
     def _find_way_in(self, saved: SavedMap, odometry: Odometry) -> None:

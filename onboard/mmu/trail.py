@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import cos, radians, sin
 
 import numpy as np
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
+from onboard.mmu.edges import Edge, Kind
 from onboard.mmu.key_frames import FrameStore, KeyFrame, in_map
 from onboard.mmu.odometry_errors import WHEELS_ALONE, OdometryErrors
-from onboard.mmu.pose_graph import LENGTH, TURN, Edge, Kind, PoseGraph
+from onboard.mmu.pose_graph import LENGTH, TURN, PoseGraph
 from onboard.mmu.scan_matching import Match, register
 
 KNOWN = np.diag([0.01**-2, 0.01**-2, radians(0.1) ** -2])  # between key frames of a map from before
@@ -68,11 +69,10 @@ class Trail:
         """Its heading is not led by a gyro: what was tied while that was believed is looked at no more."""
         self.errors = WHEELS_ALONE
         self.graph.prior = WHEELS_ALONE.drift
-        self.graph.edges = [
-            replace(edge, information=WHEELS_ALONE.information(edge.way_m, edge.turn_rad))
-            for edge in self.graph.edges
-            if edge.kind is Kind.ODOMETRY
-        ]
+        edges = self.graph.edges
+        edges.keep(edges.of_kind(Kind.ODOMETRY))
+        for row in edges.rows:
+            row["information"] = WHEELS_ALONE.information(row["way_m"], row["turn_rad"])
 
     def register(
         self, mine: FloatArray, other: FloatArray, node: int, search_m: float, search_rad: float

@@ -8,9 +8,10 @@ from math import cos, pi, radians, sin, sqrt
 import numpy as np
 
 from common.geometry import FloatArray, Pose2, RightAngles, wrap_angle
+from onboard.mmu.edges import Edge, Kind
 from onboard.mmu.key_frames import in_map
 from onboard.mmu.odometry_errors import LENGTH_SD
-from onboard.mmu.pose_graph import WALLS, Edge, Kind
+from onboard.mmu.pose_graph import WALLS
 from onboard.mmu.trail import Trail, about
 from onboard.mmu.walls import WallAhead, WallPiece, continuation, fit_piece
 
@@ -155,7 +156,7 @@ class WallTies:
         self._right_angles = self._right_angles.with_direction(normal_rad, piece.length_m)
         if not self._square:
             return
-        begins = not any(edge.kind is Kind.BEARING for edge in self._trail.graph.edges)
+        begins = not self._trail.graph.edges.of_kind(Kind.BEARING).any()
         if begins:
             self._trail.graph.slow[WALLS] = self._right_angles.direction_rad - self._trail.graph.pose(0).heading_rad
         for one in self._pieces if begins else [piece]:
