@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import zenoh
@@ -27,6 +26,7 @@ from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderC
 from common.config import Config, load_config
 from common.errors import StartError
 from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick
+from common.node import Node
 from common.process_log import BusLogHandler, set_up_log
 from common.zenoh_bus import ZenohBus
 from common.zenoh_log import OF_A_PEER, OF_A_ROUTER, ZenohOutput
@@ -37,18 +37,6 @@ _CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skip
 _STEPS_KEPT = 50_000  # of the newest steps, for the percentile
 _LOOP_END_S = 2.0
 STEPS_SUFFIX = ".steps.json"
-
-
-class Node(Protocol):
-    """What a process does. Never asks the time, never sees where its bus ends."""
-
-    name: str
-    period_s: float
-
-    def step(self, bus: Bus, now_s: float) -> None: ...
-
-    def close(self) -> None: ...
-
 
 Factory = Callable[[Config, argparse.Namespace], Node]
 # What has the main thread while the node's loop runs beside it (a terminal UI); returns the exit code. It must return

@@ -16,7 +16,8 @@ from platformdirs import user_log_path
 
 from common.bus import Bus
 from common.config import Config
-from common.process import Node, argument_parser, run
+from common.node import Node
+from common.process import argument_parser, run
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.places import findings_of_run, run_folder_of

@@ -10,12 +10,12 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from common.bus import Bus, LocalMesh
 from common.config import Config, with_camera
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, PlannerView
+from common.node import Node
 from offboard.recorder.recorder import Recorder
 from offboard.simulator.avr_board import AvrBoard
 from offboard.simulator.board import Board, FirmwareBuildError, HostBoard
@@ -38,15 +38,6 @@ TIME_LIMIT_S = 4 * 3600.0
 RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
 PROGRESS_S = 5.0  # of wall time
 _ROUNDING_S = 1e-9
-
-
-class Node(Protocol):
-    name: str
-    period_s: float
-
-    def step(self, bus: Bus, now_s: float) -> None: ...
-
-    def close(self) -> None: ...
 
 
 @dataclass(slots=True)
