@@ -51,13 +51,13 @@ class OdometryErrors:
 
 
 # A cheap gyro's bias wanders, and is measured anew whenever the robot stands still, which it sees to. What the yaw lost
-# until then is known by half: 0.12 deg in 25 s are left, which are 4 m.
+# until then is known by half: 0.12 deg in 25 s are left, which are 4 m and a dozen key frames.
 GYRO_LED = OdometryErrors(
-    radians(0.05),
+    radians(0.03),
     0.001,
-    DriftPrior(radians(0.04), None, 0.006, LENGTH_SD),
+    DriftPrior(radians(0.015), None, 0.006, LENGTH_SD),
     along_m=0.002,
-    heading_rad=radians(0.02),
+    heading_rad=radians(0.01),
 )
 UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01, LENGTH_SD))
 WHEELS_ALONE = OdometryErrors(radians(1.5), 0.03, DriftPrior(radians(2.0), radians(0.1), 0.03, LENGTH_SD), 0.05, 0.006)

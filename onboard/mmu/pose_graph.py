@@ -36,7 +36,9 @@ class DriftPrior:
     """How far the odometry's slow errors may reach, as standard deviations."""
 
     rad_per_m: float
-    rad_per_m_step: float | None  # from one stretch to the next; None: every stretch begins anew
+    # From one stretch to the next. None: every stretch begins anew, as after a gyro's rest, and is believed mildly: now
+    # and then a gyro is far worse than its kind, and then straight walls tell
+    rad_per_m_step: float | None
     rad_per_rad: float
     m_per_m: float
 
@@ -113,15 +115,7 @@ class _System:
         per_m = self.size + PER_M + self.stretch[:, None]
         columns = np.concatenate([*nodes, seldom, per_m], axis=1, dtype=np.int32)
         self.columns = np.repeat(columns, 3, axis=0).ravel()
-        self.prior = np.zeros((slow, slow))
-        sd = np.array([prior.m_per_m, prior.rad_per_rad, WALLS_SD_RAD, prior.rad_per_m])
-        np.fill_diagonal(self.prior[: PER_M + 1, : PER_M + 1], sd**-2)
-        if prior.rad_per_m_step is None:
-            np.fill_diagonal(self.prior[PER_M:, PER_M:], prior.rad_per_m**-2)
-            return
-        step = np.array([[1.0, -1.0], [-1.0, 1.0]]) * prior.rad_per_m_step**-2
-        for i in range(PER_M, slow - 1):
-            self.prior[i : i + 2, i : i + 2] += step
+        self.beliefs, self.mild = _beliefs(prior, slow)
 
     def settle(self, poses: FloatArray, slow: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
         """At rest from these poses (K, 3) on; `phi`: the strain up to which ties pull fully, eased down to DCS_PHI."""
@@ -143,8 +137,9 @@ class _System:
         chi2 = self._chi2(self._linearise(poses, slow)[0])
         scale = np.minimum(1.0, 2 * DCS_PHI / (DCS_PHI + chi2))
         scaled = scale**2 * chi2 + DCS_PHI * (1.0 - scale) ** 2
-        milder = 2 * DCS_PHI * (np.sqrt(1.0 + chi2 / DCS_PHI) - 1.0)
-        return float(self._by_kind(chi2, milder, scaled).sum() + slow @ self.prior @ slow)
+        off2 = (self.beliefs @ slow) ** 2
+        believed = np.where(self.mild, _mild_cost(off2), off2)
+        return float(self._by_kind(chi2, _mild_cost(chi2), scaled).sum() + believed.sum())
 
     def _chi2(self, error: FloatArray) -> FloatArray:
         chi2: FloatArray = np.einsum("ei,eij,ej->e", error, self.information, error)
@@ -161,8 +156,10 @@ class _System:
         weighted = np.einsum("eij,e,ejk->eik", self.information, self._trust(self._chi2(error), phi), jacobian)
         left, right = self._sparse(weighted), self._sparse(jacobian)
         gradient = left.T @ error.ravel()
-        gradient[self.size :] += self.prior @ slow
-        hessian = left.T @ right + block_diag([identity(self.size) * 1e-6, self.prior], format="csr")
+        trust = np.where(self.mild, _mild_trust((self.beliefs @ slow) ** 2), 1.0)
+        prior = self.beliefs.T @ (trust[:, None] * self.beliefs)
+        gradient[self.size :] += prior @ slow
+        hessian = left.T @ right + block_diag([identity(self.size) * 1e-6, prior], format="csr")
         solution = np.zeros(self.size + self.slow)
         # Ordered as a symmetric matrix: half the time and 10 MB less than the default at a thousand poses
         factors = splu(hessian.tocsc()[3:, 3:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
@@ -206,8 +203,32 @@ class _System:
 
     def _trust(self, chi2: FloatArray, phi: float) -> FloatArray:
         scaled = np.minimum(1.0, 2 * phi / (phi + chi2)) ** 2
-        milder = 1.0 / np.sqrt(1.0 + chi2 / DCS_PHI)
-        return self._by_kind(np.ones_like(chi2), milder, scaled)
+        return self._by_kind(np.ones_like(chi2), _mild_trust(chi2), scaled)
+
+
+def _beliefs(prior: DriftPrior, slow: int) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """What is known beforehand of the slow values, and which of it (R,) mildly.
+
+    Rows (R, slow): such a row times the values has variance 1.
+    """
+    sd = np.array([prior.m_per_m, prior.rad_per_rad, WALLS_SD_RAD, *(slow - PER_M) * [prior.rad_per_m]])
+    if prior.rad_per_m_step is None:
+        return np.diag(1.0 / sd), np.arange(slow) >= PER_M
+    first = np.diag(1.0 / sd)[: PER_M + 1]
+    steps = np.diff(np.eye(slow)[PER_M:], axis=0) / prior.rad_per_m_step
+    return np.concatenate([first, steps]), np.zeros(slow, np.bool_)
+
+
+def _mild_cost(chi2: FloatArray) -> FloatArray:
+    """Of what may be far off now and then (pseudo-Huber): quadratic first, then linear."""
+    cost: FloatArray = 2 * DCS_PHI * (np.sqrt(1.0 + chi2 / DCS_PHI) - 1.0)
+    return cost
+
+
+def _mild_trust(chi2: FloatArray) -> FloatArray:
+    """The weight that belongs to `_mild_cost`."""
+    trust: FloatArray = 1.0 / np.sqrt(1.0 + chi2 / DCS_PHI)
+    return trust
 
 
 def _turned_least(poses: FloatArray, before: FloatArray) -> FloatArray:
