@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from enum import Enum
 from operator import attrgetter
-from typing import Any, Generic, NamedTuple, TypeVar, get_origin, get_type_hints
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import msgpack
 import numpy as np
@@ -63,6 +63,7 @@ def _unpack_special(code: int, data: bytes) -> Any:
 
 
 Convert = Callable[[str, Any], Any]
+Shape = tuple[str | int, ...]
 
 
 class _Form(NamedTuple):
@@ -71,6 +72,7 @@ class _Form(NamedTuple):
     names: tuple[str, ...]
     values: Callable[[Any], tuple[Any, ...]]  # of all fields, in this order
     fields: dict[str, tuple[type | None, Convert]]  # the type that is taken as it is, and what converts or refuses
+    arrays: dict[str, tuple[np.dtype[Any], Shape]]
 
 
 _FORMS: dict[type, _Form] = {}
@@ -80,14 +82,16 @@ def _form(payload: type) -> _Form:
     if payload not in _FORMS:
         hints = get_type_hints(payload)
         names = tuple(field.name for field in dataclasses.fields(payload))
-        _FORMS[payload] = _Form(names, attrgetter(*names), {name: _reading(hints[name]) for name in names})
+        annotated = get_type_hints(payload, include_extras=True)
+        arrays = {name: _array(annotated[name]) for name in names if get_origin(annotated[name]) is Annotated}
+        _FORMS[payload] = _Form(names, attrgetter(*names), {name: _reading(hints[name]) for name in names}, arrays)
     return _FORMS[payload]
 
 
 def encode(payload: Any, sequence: int, boot_id: int) -> bytes:
     """Bytes of a payload dataclass; raises TypeError for a value that cannot travel."""
-    names, values, _ = _form(type(payload))
-    body = dict(zip(names, values(payload), strict=True))
+    form = _form(type(payload))
+    body = dict(zip(form.names, form.values(payload), strict=True))
     packed: bytes = msgpack.packb((CODEC_VERSION, sequence, boot_id, body), default=_pack_special)
     return packed
 
@@ -101,6 +105,27 @@ def _reading(hint: Any) -> tuple[type | None, Convert]:
     if issubclass(hint, Enum):
         return None, lambda _, value: hint(value)
     return hint, _to_float if hint is float else _refuse
+
+
+def _array(hint: Any) -> tuple[np.dtype[Any], Shape]:
+    """What `Annotated[NDArray[number], shape]` says."""
+    array, shape = get_args(hint)
+    (number,) = get_args(get_args(array)[1])
+    return np.dtype(number), shape
+
+
+def _check_arrays(arrays: dict[str, tuple[np.dtype[Any], Shape]], values: dict[str, Any]) -> None:
+    sizes: dict[str | int, int] = {}
+    for name, (dtype, shape) in arrays.items():
+        if name not in values:
+            continue
+        array = values[name]
+        fits = array.ndim == len(shape) and np.can_cast(array.dtype, dtype, "same_kind")
+        for dimension, size in zip(shape, array.shape, strict=False):
+            expected = sizes.setdefault(dimension, size) if isinstance(dimension, str) else dimension
+            fits = fits and size == expected
+        if not fits:
+            raise DecodeError(f"field '{name}' is {array.dtype} {array.shape}, not {dtype} {shape}")
 
 
 def _refuse(name: str, value: Any) -> Any:
@@ -123,12 +148,14 @@ def decode(data: bytes, payload: type[P]) -> Envelope[P]:
         version, sequence, boot_id, body = msgpack.unpackb(data, ext_hook=_unpack_special)
         if version != CODEC_VERSION:
             raise DecodeError(f"message of codec version {version}, this program speaks {CODEC_VERSION}")
-        fields = _form(payload).fields
-        values = {}
+        form = _form(payload)
+        fields, values = form.fields, {}
         for name, value in body.items():
             if name in fields:
                 right, convert = fields[name]
                 values[name] = value if type(value) is right else convert(name, value)
+        if form.arrays:
+            _check_arrays(form.arrays, values)
         return Envelope(payload(**values), int(sequence), int(boot_id))
     except DecodeError:
         raise

@@ -2,20 +2,23 @@
 
 Key on the bus: `<robot>/<module>/<variable>`. Every payload has `t_s`, when its content was measured on the sender's
 clock; every output has `valid`, false when an input it rests on was not alive and valid. Sequence number and boot id
-travel in the envelope (`codec.Envelope`), stamped by the bus. Add fields with a default, never reuse or rename one: old
-recordings must load.
+travel in the envelope (`codec.Envelope`), stamped by the bus. The codec holds an array to the shape that is annotated,
+where a letter stands for one and the same number in all of a message. Add fields with a default, never reuse or rename
+one: old recordings must load.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from typing import Generic, TypeVar
+from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from common.constants import MAP_RATE_MAX_HZ, PERMIT_RATE_HZ, POSE_RATE_HZ, SENSOR_RATE_HZ, STATUS_RATE_HZ
+
+MAP_POINTS_MAX = 2_000_000  # fifty kilometres of wall
 
 # The specification's names of the senders on the serial line and in the text form, and the process that speaks for each
 MODULES: dict[str, str] = {
@@ -154,9 +157,13 @@ class MapUpdate:
     t_s: float
     revision: int
     start: int
-    points_m: npt.NDArray[np.float32]  # (N, 2)
-    inferred: npt.NDArray[np.uint8]  # (N,) 1 where a wall was concluded, not echoed
+    points_m: Annotated[npt.NDArray[np.float32], ("N", 2)]
+    inferred: Annotated[npt.NDArray[np.uint8], ("N",)]  # 1 where a wall was concluded, not echoed
     valid: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start <= MAP_POINTS_MAX:
+            raise ValueError(f"no map goes on at its point {self.start}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,8 +186,8 @@ class Trajectory:
     """The smoothed path as it is believed now: times and poses of the key frames."""
 
     t_s: float
-    times_s: npt.NDArray[np.float64]  # (K,)
-    poses: npt.NDArray[np.float64]  # (K, 3) x, y, heading
+    times_s: Annotated[npt.NDArray[np.float64], ("K",)]
+    poses: Annotated[npt.NDArray[np.float64], ("K", 3)]  # x, y, heading
     valid: bool = True
 
 
@@ -191,7 +198,7 @@ class PlannerView:
     t_s: float
     mode: str
     detail: str
-    path_m: npt.NDArray[np.float32]  # (N, 2)
+    path_m: Annotated[npt.NDArray[np.float32], ("N", 2)]
     halls_open: int
     area_m2: float
     finished: bool

@@ -199,7 +199,7 @@ class CommandCenter:
     def _redraw_trail(self, trajectory: Trajectory) -> None:
         """The past was corrected, or this program has just joined."""
         self._trail.clear()
-        self._trail.extend((float(x), float(y)) for x, y, _ in trajectory.poses.reshape(-1, 3))
+        self._trail.extend((float(x), float(y)) for x, y, _ in trajectory.poses)
 
     def _extend_trail(self, pose: PoseEstimate) -> None:
         if pose.valid:

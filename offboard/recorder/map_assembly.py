@@ -31,7 +31,7 @@ class MapAssembly:
         self.missing = 0 if update.start == 0 else self.missing + lost
         self._revision = update.revision
         hole = np.full((gap, 2), np.nan, np.float32)
-        self._points_m = np.concatenate([self._points_m[: update.start], hole, update.points_m.reshape(-1, 2)])
+        self._points_m = np.concatenate([self._points_m[: update.start], hole, update.points_m])
         unmarked = np.zeros(gap, np.uint8)
         self._inferred = np.concatenate([self._inferred[: update.start], unmarked, update.inferred])
         return lost

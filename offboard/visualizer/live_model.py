@@ -149,7 +149,7 @@ class LiveModel:
         self.tokens["map"] = (epoch, len(self.points_m))
 
     def _take_trajectory(self, trajectory: Trajectory) -> None:
-        self._smoothed = np.asarray(trajectory.poses, np.float64).reshape(-1, 3)
+        self._smoothed = np.asarray(trajectory.poses, np.float64)
         times_s = np.asarray(trajectory.times_s)
         until_s = float(times_s[-1]) if len(times_s) else -inf
         self._since = [pose for pose in self._since if pose[0] > until_s]

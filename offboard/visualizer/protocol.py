@@ -144,7 +144,7 @@ def _plan(model: LiveModel, _: Token | None, __: float) -> Frame:
         "plan",
         mode=plan.mode,
         detail=plan.detail,
-        path_m=np.asarray(plan.path_m, np.float64).reshape(-1, 2).round(2).tolist(),
+        path_m=np.asarray(plan.path_m, np.float64).round(2).tolist(),
         halls_open=plan.halls_open,
         area_m2=round(plan.area_m2, 1),
         finished=plan.finished,

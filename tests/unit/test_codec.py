@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from enum import Enum
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import msgpack
 import numpy as np
@@ -22,13 +22,14 @@ PAYLOADS = sorted({topic.payload for topic in TOPICS}, key=lambda payload: paylo
 INTEGERS = st.integers(-(2**63), 2**63 - 1)
 
 
-def values_of(hint: Any) -> st.SearchStrategy[Any]:
-    """Any value that a field of this type may hold."""
+def values_of(hint: Any, sizes: dict[Any, int]) -> st.SearchStrategy[Any]:
+    """Any value that a field of this type may hold; `sizes` of the letters in the shapes of arrays."""
     if get_origin(hint) is tuple:
-        return st.lists(values_of(get_args(hint)[0]), max_size=6).map(tuple)
-    if get_origin(hint) is np.ndarray:
-        (dtype,) = get_args(get_args(hint)[1])
-        return hnp.arrays(dtype, hnp.array_shapes(min_dims=1, max_dims=2, min_side=0, max_side=5))
+        return st.lists(values_of(get_args(hint)[0], sizes), max_size=6).map(tuple)
+    if get_origin(hint) is Annotated:
+        array, shape = get_args(hint)
+        (dtype,) = get_args(get_args(array)[1])
+        return hnp.arrays(dtype, tuple(sizes.get(size, size) for size in shape))
     if issubclass(hint, Enum):
         return st.sampled_from(hint)
     simple = {float: st.floats(), int: INTEGERS, bool: st.booleans(), str: st.text(), bytes: st.binary()}
@@ -38,8 +39,12 @@ def values_of(hint: Any) -> st.SearchStrategy[Any]:
 @st.composite
 def payloads(draw: st.DrawFn) -> Any:
     kind = draw(st.sampled_from(PAYLOADS))
-    hints = get_type_hints(kind)
-    return kind(**{field.name: draw(values_of(hints[field.name])) for field in dataclasses.fields(kind)})
+    hints = get_type_hints(kind, include_extras=True)
+    sizes = {letter: draw(st.integers(0, 5)) for letter in "NK"}
+    values = {field.name: draw(values_of(hints[field.name], sizes)) for field in dataclasses.fields(kind)}
+    if "start" in values:
+        values["start"] %= messages.MAP_POINTS_MAX + 1
+    return kind(**values)
 
 
 def same(a: Any, b: Any) -> bool:
@@ -101,6 +106,34 @@ def test_other_content_raises_nothing_but_a_decode_error(content: Any, kind: typ
 def test_strange_arrays_raise_nothing_but_a_decode_error(array: msgpack.ExtType) -> None:
     body = {"t_s": 0.0, "revision": 0, "start": 0, "points_m": array, "inferred": array}
     refuse(msgpack.packb([CODEC_VERSION, 0, 0, body]), messages.MapUpdate)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"points_m": np.zeros((3, 3), np.float32)},
+        {"points_m": np.zeros(6, np.float32)},
+        {"points_m": np.zeros((4, 2), np.float32)},
+        {"points_m": np.array([["a", "b"]] * 3)},
+        {"inferred": np.zeros((3, 1), np.uint8)},
+    ],
+)
+def test_array_of_a_wrong_shape_or_kind_is_refused(wrong: dict[str, Any]) -> None:
+    right = {"points_m": np.zeros((3, 2), np.float32), "inferred": np.zeros(3, np.uint8)}
+    decode(encode(messages.MapUpdate(0.0, 1, 0, **right), 1, 1), messages.MapUpdate)
+    with pytest.raises(DecodeError, match=r"points_m|inferred"):
+        decode(encode(messages.MapUpdate(0.0, 1, 0, **right | wrong), 1, 1), messages.MapUpdate)
+
+
+@pytest.mark.parametrize("start", [-1, 2**40])
+def test_map_that_goes_on_nowhere_is_refused(start: int) -> None:
+    body = {"t_s": 0.0, "revision": 0, "start": 7} | {
+        name: msgpack.ExtType(1, msgpack.packb([dtype, shape, b""]))
+        for name, dtype, shape in (("points_m", "<f4", [0, 2]), ("inferred", "|u1", [0]))
+    }
+    decode(message(body), messages.MapUpdate)
+    with pytest.raises(DecodeError, match=str(start)):
+        decode(message(body | {"start": start}), messages.MapUpdate)
 
 
 def message(body: dict[str, Any], version: int = CODEC_VERSION) -> bytes:

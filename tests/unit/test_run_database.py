@@ -7,7 +7,7 @@ import random
 import sqlite3
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import msgpack
 import numpy as np
@@ -124,10 +124,12 @@ def examples() -> dict[str, bytes]:
     found = {}
     for topic in TOPICS:
         values: dict[str, Any] = {}
+        whole = get_type_hints(topic.payload, include_extras=True)
         for field in dataclasses.fields(topic.payload):  # type: ignore[arg-type]
             hint = str(field.type)
-            if "npt" in hint:
-                values[field.name] = np.zeros((3, 2))
+            if get_origin(whole[field.name]) is Annotated:
+                _, shape = get_args(whole[field.name])
+                values[field.name] = np.zeros([3 if isinstance(size, str) else size for size in shape], np.uint8)
             elif hint in ("float", "int", "str", "bool", "bytes"):
                 values[field.name] = {"float": 1.0, "int": 1, "str": "x", "bool": True, "bytes": b"x"}[hint]
             elif hint.startswith("tuple"):
