@@ -4,7 +4,7 @@ Sparse Gauss-Newton (Grisetti et al. 2010) over all poses and the odometry's slo
 longer than the wheels say, how much it turns away per radian turned, and per metre, which wanders (a gyro's bias does)
 and so has a value for every few metres. Ties to walls carry robust weights (dynamic covariance scaling, Agarwal et al.
 2013), so that a wrong one loses its pull instead of bending the map, and gets it back should the graph come to agree
-with it. Node 0 stays in its place, the map as a whole keeps its direction.
+with it. Node 0 stays in its place; the map as a whole, once it is one, keeps its direction.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ DCS_PHI = 8.0
 ITERATIONS = 14
 EASING = 3.0
 AT_REST = 1e-3
+FIRST_HEADING_M2 = 3e4  # it counts as much as all key frames of a straight way of 33 m
 # In `slow`: m/m, rad/rad, the direction (rad) of walls that stand at right angles, then rad/m of each stretch
 LENGTH, TURN, WALLS, PER_M = range(4)
 WALLS_SD_RAD = radians(45.0)  # nothing is known of it beforehand
@@ -235,11 +236,13 @@ def _turned_least(poses: FloatArray, before: FloatArray) -> FloatArray:
     """Poses (K, 3) turned about the first one's place so that, as a whole, they lie as they did `before`.
 
     How the map lies to the first heading is the graph's least certain part: whoever drives by the map, and whoever
-    compares it with yesterday's, is better off when it does not swing round with every change of mind about that.
+    compares it with yesterday's, is better off when it does not swing round with every change of mind about that. While
+    the map is small it swings by little, and the first heading is what stays.
     """
     here, there = poses[:, :2] - poses[0, :2], before[:, :2] - poses[0, :2]
-    cross = float((here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]).sum())
-    turn_rad = atan2(cross, float((here * there).sum())) if len(poses) > 1 else 0.0
+    first_rad = float(before[0, 2] - poses[0, 2])
+    sine = float((here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]).sum()) + FIRST_HEADING_M2 * sin(first_rad)
+    turn_rad = atan2(sine, float((here * there).sum()) + FIRST_HEADING_M2 * cos(first_rad))
     c, s = cos(turn_rad), sin(turn_rad)
     places = poses[0, :2] + here @ np.array([[c, s], [-s, c]])
     return np.column_stack([places, wrap_angles(poses[:, 2] + turn_rad)])
