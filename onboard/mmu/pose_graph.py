@@ -26,7 +26,7 @@ DCS_PHI = 8.0
 ITERATIONS = 14
 EASING = 3.0
 AT_REST = 1e-3
-FIRST_HEADING_M2 = 3e4  # it counts as much as all key frames of a straight way of 33 m
+FIRST_HEADING_RAD = radians(2.6)  # it counts as a key frame so far away that drift would turn the way there by this
 # In `slow`: m/m, rad/rad, the direction (rad) of walls that stand at right angles, then rad/m of each stretch
 LENGTH, TURN, WALLS, PER_M = range(4)
 WALLS_SD_RAD = radians(45.0)  # nothing is known of it beforehand
@@ -94,7 +94,7 @@ class PoseGraph:
             pulled = system.settle(before, self.slow, float(system.strain(before, self.slow).max()))
             if system.cost(*pulled) < system.cost(poses, slow):
                 poses, slow = pulled
-        poses = _turned_least(poses, before)
+        poses = _turned_least(poses, before, FIRST_HEADING_RAD / self.prior.rad_per_m)
         self._poses.replace(poses)
         self.slow = slow
         return float(np.hypot(*(poses - before)[:, :2].T).max())
@@ -232,17 +232,17 @@ def _mild_trust(chi2: FloatArray) -> FloatArray:
     return trust
 
 
-def _turned_least(poses: FloatArray, before: FloatArray) -> FloatArray:
+def _turned_least(poses: FloatArray, before: FloatArray, first_m: float) -> FloatArray:
     """Poses (K, 3) turned about the first one's place so that, as a whole, they lie as they did `before`.
 
     How the map lies to the first heading is the graph's least certain part: whoever drives by the map, and whoever
     compares it with yesterday's, is better off when it does not swing round with every change of mind about that. While
-    the map is small it swings by little, and the first heading is what stays.
+    the map is small it swings by little, and the first heading is what stays: it counts as a key frame at `first_m`.
     """
     here, there = poses[:, :2] - poses[0, :2], before[:, :2] - poses[0, :2]
     first_rad = float(before[0, 2] - poses[0, 2])
-    sine = float((here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]).sum()) + FIRST_HEADING_M2 * sin(first_rad)
-    turn_rad = atan2(sine, float((here * there).sum()) + FIRST_HEADING_M2 * cos(first_rad))
+    sine = float((here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]).sum()) + first_m**2 * sin(first_rad)
+    turn_rad = atan2(sine, float((here * there).sum()) + first_m**2 * cos(first_rad))
     c, s = cos(turn_rad), sin(turn_rad)
     places = poses[0, :2] + here @ np.array([[c, s], [-s, c]])
     return np.column_stack([places, wrap_angles(poses[:, 2] + turn_rad)])
