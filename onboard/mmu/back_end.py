@@ -67,9 +67,11 @@ class BackEnd:
     def _rest(self, before: int) -> int:
         """Once all edges from the `before`-th on are in; returns how many edges there are."""
         graph = self._trail.graph
-        if graph.strain(before).max(initial=0.0) > STRAIN_MAX:
+        strain = graph.strain(before)
+        if strain.max(initial=0.0) > STRAIN_MAX:
             graph.optimise(before)
+            strain = graph.strain(before)
         loops = graph.edges.of_kind(Kind.LOOP)[before:]
-        if (graph.strain(before)[loops] < ADOPTED_CHI2).any():
+        if (strain[loops] < ADOPTED_CHI2).any():
             self._trail.tied_m = self._trail.way_m
         return len(graph.edges)

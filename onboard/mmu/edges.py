@@ -69,23 +69,9 @@ class EdgeStore:
         return len(self._kept)
 
     def append(self, edge: Edge) -> None:
-        self._kept.append(
-            np.array(
-                [
-                    (
-                        edge.first,
-                        edge.second,
-                        edge.relative.as_array(),
-                        edge.information,
-                        edge.kind.value,
-                        edge.way_m,
-                        edge.turn_rad,
-                        edge.stretch,
-                    )
-                ],
-                _ROW,
-            )
-        )
+        relative, kind = edge.relative.as_array(), edge.kind.value
+        row = edge.first, edge.second, relative, edge.information, kind, edge.way_m, edge.turn_rad, edge.stretch
+        self._kept.append(np.array([row], _ROW))
 
     @property
     def rows(self) -> npt.NDArray[Any]:

@@ -174,7 +174,7 @@ class Slam:
     @property
     def map_count(self) -> int:
         """How many wall points the map has, with those that `map_points` has not placed yet."""
-        return self._walls.count + len(self._echoes) - self._placed
+        return len(self._walls) + len(self._echoes) - self._placed
 
     def _draw(self) -> None:
         """Bring the grid up to the newest echoes and rays."""

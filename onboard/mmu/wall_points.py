@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import Points
+from onboard.mmu.growing import GrowingRows
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,27 +26,23 @@ class WallPoints:
 
 
 class WallStore:
-    """All of them in the order in which they go out; grows by doubling."""
+    """All of them in the order in which they go out."""
 
     def __init__(self) -> None:
-        self.begin_anew(WallPoints.of(np.zeros((0, 2)), np.zeros((0, 2))))
+        self._points_m, self._inferred = GrowingRows(np.float32, (2,), 1024), GrowingRows(np.uint8, (), 1024)
+
+    def __len__(self) -> int:
+        return len(self._points_m)
 
     def begin_anew(self, walls: WallPoints) -> None:
         """In place of all that was."""
-        self._points_m, self._inferred = walls.points_m, walls.inferred
-        self.count = len(walls.points_m)
+        self._points_m.replace(walls.points_m)
+        self._inferred.replace(walls.inferred)
 
     def append(self, walls: WallPoints) -> None:
-        end = self.count + len(walls.points_m)
-        if end > len(self._points_m):
-            room = max(end, 1024)
-            self._points_m = np.concatenate([self._points_m[: self.count], np.zeros((room, 2), np.float32)])
-            self._inferred = np.concatenate([self._inferred[: self.count], np.zeros(room, np.uint8)])
-        self._points_m[self.count : end] = walls.points_m
-        self._inferred[self.count : end] = walls.inferred
-        self.count = end
+        self._points_m.append(walls.points_m)
+        self._inferred.append(walls.inferred)
 
     def since(self, start: int) -> WallPoints:
         """From the `start`-th on, a copy."""
-        rows = slice(start, self.count)
-        return WallPoints(self._points_m[rows].copy(), self._inferred[rows].copy())
+        return WallPoints(self._points_m.rows[start:].copy(), self._inferred.rows[start:].copy())

@@ -65,7 +65,7 @@ def test_wall_points_are_kept_in_the_order_in_which_they_came() -> None:
     store = WallStore()
     store.append(WallPoints.of(np.array([[1.0, 2.0]]), NONE))
     store.append(WallPoints.of(np.array([[3.0, 4.0]]), np.array([[5.0, 6.0]])))
-    assert store.count == 3
+    assert len(store) == 3
     assert store.since(1).points_m.tolist() == [[3.0, 4.0], [5.0, 6.0]]
     assert store.since(0).inferred.tolist() == [0, 0, 1]
     store.begin_anew(WallPoints.of(np.array([[7.0, 8.0]] * 2), NONE))
