@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import atan2
 
 import cv2
 import numpy as np
@@ -34,6 +35,7 @@ from common.messages import (
 from common.status import StatusReporter
 from offboard.simulator.floor import Floor
 from onboard.planner.gyro_rest import GyroRest
+from onboard.planner.unwinding import Unwinding
 
 CELL_M = 0.1
 MIDDLE_WEIGHT = 6.0  # how much dearer a metre is close to a wall
@@ -42,6 +44,7 @@ DRIVEN_M = 1.0  # a middle within this of the way is driven
 DRIVEN_SHARE = 1.5  # and, in a wide place, within so many times the way's own distance from the wall
 LOOK_AHEAD_M = 0.5
 ARRIVED_M = 0.15
+THEN_CELLS = 15  # further on of the way, to know the turn after this one
 VIEW_PERIOD_S = 0.5
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -130,6 +133,7 @@ class RouteDriver:
         self._started = False
         self._commanded = DriveCommand(0.0, 0, Speed.MEDIUM, 0.0)
         self._rest = GyroRest()
+        self._unwinding = Unwinding()
         self._view_due_s = 0.0
         self._status = StatusReporter(self.name)
 
@@ -146,7 +150,7 @@ class RouteDriver:
             rests = self._rest.due(now_s, odometry.standing)
             goal = self._goal(pose) if drives and not rests else None
             if goal is not None or self._commanded.speed is not Speed.STOP:
-                turn_rad = 0.0 if goal is None else pose.bearing_rad(*goal)
+                turn_rad = 0.0 if goal is None else self._turn_rad(pose, goal, odometry.yaw_rad)
                 speed = Speed.STOP if goal is None else Speed.MEDIUM
                 yaw_rad = wrap_angle(odometry.yaw_rad + turn_rad)
                 self._commanded = DriveCommand(now_s, self._commanded.command_id + 1, speed, yaw_rad)
@@ -162,6 +166,13 @@ class RouteDriver:
 
     def close(self) -> None:
         """Nothing is held open."""
+
+    def _turn_rad(self, pose: Pose2, goal: tuple[float, float], yaw_rad: float) -> float:
+        """To the goal, the way round that suits the way a little further on."""
+        turn_rad = pose.bearing_rad(*goal)
+        later = self._way[min(self._at + THEN_CELLS, len(self._way) - 1)]
+        then_rad = atan2(later[1] - goal[1], later[0] - goal[0]) - pose.heading_rad - turn_rad
+        return self._unwinding.turn_rad(yaw_rad, turn_rad, wrap_angle(then_rad))
 
     def _goal(self, pose: Pose2) -> tuple[float, float] | None:
         """The next place of the way that is far enough ahead to steer for; None at its end."""

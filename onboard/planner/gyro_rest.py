@@ -8,11 +8,7 @@ gyro has kept it.
 
 from __future__ import annotations
 
-from math import inf
-
-DRIVING_REST_EVERY_S = 30.0  # of motion
-DRIVING_REST_S = 1.3
-REST_EVERY_S = 25.0
+REST_EVERY_S = 12.0
 REST_S = 1.2  # of standing: a hundred samples of the gyro
 
 
@@ -33,21 +29,3 @@ class GyroRest:
         if rested or self._rested_s is None:
             self._rested_s = now_s
         return now_s - self._rested_s > REST_EVERY_S
-
-
-class DrivingRest:
-    """A rest of the mission's own after so much driving, at a moment when it would drive anyway."""
-
-    def __init__(self) -> None:
-        self._driven_s = 0.0
-        self._until_s = -inf
-
-    def lasts(self, now_s: float) -> bool:
-        """Must the robot stand now?"""
-        return now_s < self._until_s
-
-    def drive(self, now_s: float, dt_s: float) -> None:
-        """It has driven for `dt_s`."""
-        self._driven_s += dt_s
-        if self._driven_s > DRIVING_REST_EVERY_S:
-            self._driven_s, self._until_s = 0.0, now_s + DRIVING_REST_S

@@ -15,7 +15,6 @@ from common.messages import Speed
 from onboard.planner import exploration
 from onboard.planner.exploration import FrontierGroup, as_set
 from onboard.planner.grid_map import Cell
-from onboard.planner.gyro_rest import DrivingRest
 from onboard.planner.hall_following import STEER_MAX_RAD, HallFollowing
 from onboard.planner.junction import Junction
 from onboard.planner.looking import HEADING_REACHED_RAD, TURN_TIMEOUT_S, Looking
@@ -63,7 +62,6 @@ class Mission:
         self._hall = HallFollowing()
         self._looking = Looking()
         self._target: tuple[float, float] = (0.0, 0.0)
-        self._rest = DrivingRest()
         self._last_s: float | None = None
         self._stillness = Stillness()
         self._imaging = WallImaging() if images_walls else None
@@ -125,18 +123,13 @@ class Mission:
         self.way = []
 
     def step(self, view: View) -> Motion:
-        """The motion that is wanted now; with rests in between for the gyro."""
+        """The motion that is wanted now."""
         dt_s = view.now_s - self._last_s if self._last_s is not None else 0.0
         self._last_s = view.now_s
         self._prospects.take_in(view)
         if self._imaging is not None:
             self._imaging.look(view.grid, view.pose)
-        if self._rest.lasts(view.now_s):
-            return Motion(Speed.STOP, view.pose.heading_rad)
-        motion = self._act(view, dt_s)
-        if motion.speed is not Speed.STOP:
-            self._rest.drive(view.now_s, dt_s)
-        return motion
+        return self._act(view, dt_s)
 
     def _act(self, view: View, dt_s: float) -> Motion:
         stand = Motion(Speed.STOP, view.pose.heading_rad)

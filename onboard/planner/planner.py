@@ -43,6 +43,7 @@ from onboard.planner.grid_map import GridError, GridMap
 from onboard.planner.gyro_rest import GyroRest
 from onboard.planner.mission import Mission, Mode
 from onboard.planner.poi_override import Override, after, speed
+from onboard.planner.unwinding import Unwinding
 from onboard.planner.view import Motion, View
 
 VIEW_PERIOD_S = 0.5
@@ -64,6 +65,7 @@ class Planner:
         self._status = StatusReporter(self.name)
         self._emergency = Emergency()
         self._rest = GyroRest()
+        self._unwinding = Unwinding()
         self._undecodable = Undecodable()
         self._grid: GridMap | None = None
         self._grid_revision = 0
@@ -180,7 +182,7 @@ class Planner:
         elif self._emergency.phase is Phase.BACKING:
             motion = Motion(Speed.REVERSE, pose.heading_rad)
         elif rests and abs(wrap_angle(motion.heading_rad - pose.heading_rad)) < TURN_ON_SPOT_RAD:
-            motion = Motion(Speed.STOP, motion.heading_rad)
+            motion = Motion(Speed.STOP, pose.heading_rad)
         self._command(bus, now_s, motion, pose)
 
     def _view(self, now_s: float, pose: PoseEstimate) -> View:
@@ -200,10 +202,12 @@ class Planner:
 
     def _command(self, bus: Bus, now_s: float, motion: Motion, pose: PoseEstimate | None) -> None:
         """Send what is wanted when it changed, and at least at the topic's rate."""
-        yaw_rad = 0.0 if pose is None else wrap_angle(motion.heading_rad - pose.heading_rad + pose.yaw_rad)
+        if pose is None:
+            return
+        turn_rad = self._unwinding.turn_rad(pose.yaw_rad, wrap_angle(motion.heading_rad - pose.heading_rad))
+        yaw_rad = wrap_angle(pose.yaw_rad + turn_rad)
         last = self._commanded
-        changed = last is None or motion.speed is not last.speed
-        if pose is None or not (changed or now_s - last.t_s >= COMMAND_PERIOD_S - 1e-6):  # type: ignore[union-attr]
+        if last is not None and motion.speed is last.speed and now_s - last.t_s < COMMAND_PERIOD_S - 1e-6:
             return
         standing = motion.speed is Speed.STOP and last is not None and last.speed is Speed.STOP
         if standing and last is not None and abs(wrap_angle(yaw_rad - last.yaw_rad)) < 0.03:

@@ -116,17 +116,6 @@ def test_home_that_cannot_be_reached_is_waited_for_and_reached_when_the_way_is_o
     assert drive.until(Mode.DONE, 180.0)
 
 
-def test_long_driving_is_broken_by_short_rests_for_the_gyro() -> None:
-    drive = Drive(closed_hall(), Pose2(-1.0, 0.0, 0.0))
-    stood_s = 0.0
-    for turn in range(6):
-        drive.mission.go_to(5.0 if turn % 2 == 0 else -1.0, 0.0)
-        while not drive.mission.finished and drive.now_s < 400.0:
-            aligned = abs(drive.pose.y_m) < 0.3 and -0.3 < drive.pose.x_m < 4.3
-            stood_s += PERIOD_S * (drive.step().speed is Speed.STOP and aligned)
-    assert stood_s > 2.0
-
-
 def test_something_that_blocks_a_wide_hall_is_driven_round() -> None:
     drive = Drive(drawn([(0.0, 0.0, 10.0, 6.0)]), Pose2(2.0, 3.0, 0.0))
     drive.mission.go_to(8.0, 3.0)

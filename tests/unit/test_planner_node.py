@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import nan, pi
+from math import nan, pi, radians
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from common.messages import (
     DRIVE,
     GRID,
     MAP,
+    ODOMETRY,
     OPERATION,
     PERMIT,
     PLAN,
@@ -30,6 +31,7 @@ from common.messages import (
     DriveCommand,
     GridUpdate,
     MapUpdate,
+    Odometry,
     Operation,
     OperatorCommand,
     Permit,
@@ -37,7 +39,9 @@ from common.messages import (
     Ranges,
     Speed,
 )
+from onboard.planner.gyro_rest import REST_EVERY_S, REST_S
 from onboard.planner.planner import Planner
+from onboard.planner.unwinding import AHEAD_RAD
 from tests.unit.test_planner_grid_map import drawn, hall, update_of
 
 FAR = (1.0, nan, nan, nan, 1.0)
@@ -85,6 +89,9 @@ class Robot:
         if self.grid is not None and self._ticks % 100 == 1:
             self.grid = replace(self.grid, t_s=now_s, revision=self.grid.revision + 1)
             say(GRID, self.grid)
+        driven = self.others.latest(DRIVE)
+        standing = driven is None or driven.speed is Speed.STOP
+        say(ODOMETRY, Odometry(now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, standing, False, False, session=1))
         say(CARRIER, CarrierReport(now_s, CarrierState.READY, 0, 0, 0, 0.0, 0, 0, True, False, 12.0))
 
     def ask(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
@@ -302,6 +309,16 @@ def test_resume_alone_does_not_start_a_mission() -> None:
 
 
 @pytest.mark.requirement("PLN_MR_03")
+def test_long_driving_is_broken_by_short_rests_for_the_gyro() -> None:
+    robot = Robot().started()
+    robot.turn_to(0.1)
+    commands = robot.run(REST_EVERY_S + REST_S + 1.0)
+    rested = [c for c in commands if c.speed is Speed.STOP]
+    assert rested[-1].t_s - rested[0].t_s == pytest.approx(REST_S, abs=0.3)
+    assert [c.yaw_rad for c in rested] == pytest.approx([0.4] * len(rested)), "it turns, and so never comes to rest"
+    assert moving(commands[-1:])
+
+
 def test_something_ahead_stops_the_robot_within_one_period_and_it_goes_on_when_it_is_gone() -> None:
     robot = Robot().started()
     robot.ranges_m = SOMETHING_AHEAD
@@ -388,6 +405,19 @@ def test_home_turns_to_the_first_heading_at_the_end() -> None:
     view = robot.others.latest(PLAN)
     assert view is not None
     assert view.finished
+
+
+def test_a_robot_that_turned_left_by_more_than_half_a_turn_turns_back_to_the_right() -> None:
+    robot = Robot()
+    assert robot.pose is not None
+    robot.pose = replace(robot.pose, x_m=0.0, y_m=0.0)
+    robot.grid = replace(update_of(hall(length_m=6.0)), origin_x_m=-2.0, origin_y_m=-2.0)
+    for turned_deg in (0.0, 60.0, 120.0, 200.0):
+        robot.turn_to(wrap_angle(radians(turned_deg)))
+        robot.run(0.5)
+    robot.ask(Operation.HOME)
+    asked = robot.run(3.0)[-1]
+    assert asked.yaw_rad == pytest.approx(0.3 + radians(200.0) - AHEAD_RAD, abs=0.1)
 
 
 def test_map_increments_out_of_order_do_no_harm() -> None:
