@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import cos, pi, radians, sin, sqrt
 
@@ -17,9 +18,8 @@ from onboard.mmu.walls import WallAhead, WallPiece, continuation, fit_piece
 
 RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
 RIGHT_ANGLES_SHARE = 0.9
-RIGHT_ANGLES_NEAR_RAD = radians(2.5)
-RIGHT_ANGLES_NEAR_MAX_RAD = radians(6.0)
-RIGHT_ANGLES_SD_RAD = radians(0.25)  # of one piece: it is known to 0.15
+UPRIGHT_MAX_RAD = radians(6.0)
+RIGHT_ANGLES_SD_RAD = radians(0.3)  # of one piece: it is known to 0.15
 APPROACH_OFF_RAD = radians(8.0)  # a way that departs further from the walls' directions is no square approach
 APPROACH_SD_M = 0.01
 APPROACH_SIGMAS = 3.0  # what slip and length of the wheels do not explain was no square wall
@@ -30,6 +30,7 @@ PIECE_GAP_M = 2.5
 PIECE_LOOK_BACK_M = 45.0
 PIECE_SD_RAD = radians(0.5)  # how far two pieces of one wall differ in direction
 PIECE_END_SD_M = 0.01
+SAME_WALL_RAD = radians(0.6)  # a piece that departs more says something of its own about right angles
 PIECE_OFFSET_SD_M = 0.10
 
 
@@ -107,20 +108,25 @@ class WallTies:
             self._pieces.append(piece)
             self._keep_right_angles(piece)
 
+    def _goes_on_with(self, piece: WallPiece, poses: FloatArray) -> Iterator[tuple[WallPiece, float, float]]:
+        """Earlier pieces that may be of the same wall, the earliest first; by which angle and offset it departs."""
+        middle, normal_rad = piece.in_map(Pose2.from_array(poses[piece.node]))
+        for other in self._pieces:
+            if 0.0 < piece.way_m - other.way_m <= PIECE_LOOK_BACK_M:
+                other_middle, other_normal = other.in_map(Pose2.from_array(poses[other.node]))
+                departs = continuation(middle, normal_rad, piece.length_m, other_middle, other_normal, other.length_m)
+                if departs is not None:
+                    yield other, *departs
+
     def _continue_wall(self, piece: WallPiece, poses: FloatArray) -> None:
         """Tie the piece to the earliest one of the same wall in the stretch looked back over."""
         pose = Pose2.from_array(poses[piece.node])
-        middle, normal_rad = piece.in_map(pose)
-        for other in self._pieces:
-            behind_m = self._trail.way_m - other.way_m
-            if not PIECE_GAP_M <= behind_m <= PIECE_LOOK_BACK_M:
+        middle, _ = piece.in_map(pose)
+        for other, turn, offset in self._goes_on_with(piece, poses):
+            if piece.way_m - other.way_m < PIECE_GAP_M:
                 continue
             other_pose = Pose2.from_array(poses[other.node])
-            other_middle, other_normal = other.in_map(other_pose)
-            departs = continuation(middle, normal_rad, piece.length_m, other_middle, other_normal, other.length_m)
-            if departs is None:
-                continue
-            turn, offset = departs
+            _, other_normal = other.in_map(other_pose)
             n = np.array([cos(other_normal), sin(other_normal)])
             correction = about(middle, Pose2(-offset * n[0], -offset * n[1], -turn))
             information = _across(_turned_back(n, other_pose), PIECE_OFFSET_SD_M)
@@ -162,20 +168,27 @@ class WallTies:
         for one in self._pieces if begins else [piece]:
             pose = self._trail.graph.pose(one.node)
             off_rad = self._off_right_angles(pose.heading_rad + one.normal_rad)
-            if abs(off_rad) <= self._near_rad(one.node):
+            one.upright = abs(off_rad) <= self._upright_rad(one.node) and self._stood_upright(one)
+            if one.upright:
                 self._upright = one.node
                 heading_rad = wrap_angle(pose.heading_rad - off_rad - self._walls_rad)
                 upright = Pose2(pose.x_m, pose.y_m, heading_rad)
                 information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
                 self._trail.graph.edges.append(Edge(0, one.node, upright, information, Kind.BEARING))
 
-    def _near_rad(self, node: int) -> float:
+    def _stood_upright(self, piece: WallPiece) -> bool:
+        """What was last concluded of the wall that a piece goes on with; true where it is a new one."""
+        before = self._goes_on_with(piece, self._trail.graph.poses)
+        told = [other.upright for other, turn, _ in before if other.upright is not None and abs(turn) < SAME_WALL_RAD]
+        return told[-1] if told else True
+
+    def _upright_rad(self, node: int) -> float:
         """How far off a right angle a piece may be: the further, the more the heading may have lost since the last."""
         frame, last = self._trail.frames[node], self._trail.frames[self._upright]
         drift = self._trail.errors.drift
         turned_rad, way_m = abs(frame.turned_rad - last.turned_rad), abs(frame.way_m - last.way_m)
         lost_rad = 2 * drift.rad_per_rad * turned_rad + drift.rad_per_m * way_m
-        return min(RIGHT_ANGLES_NEAR_RAD + lost_rad, RIGHT_ANGLES_NEAR_MAX_RAD)
+        return min(self._trail.errors.upright_rad + lost_rad, UPRIGHT_MAX_RAD)
 
     @property
     def _square(self) -> bool:

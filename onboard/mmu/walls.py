@@ -23,9 +23,12 @@ SAME_OFFSET_M = 0.30
 GAP_MAX_M = 6.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class WallPiece:
-    """A straight piece of wall, in the frame of key frame `node`: its middle, its normal (away from the robot)."""
+    """A straight piece of wall, in the frame of key frame `node`: its middle, its normal (away from the robot).
+
+    `upright`: does the wall stand at right angles to the others? None as long as nobody asked.
+    """
 
     node: int
     way_m: float
@@ -33,6 +36,7 @@ class WallPiece:
     y_m: float
     normal_rad: float
     length_m: float
+    upright: bool | None = None
 
     def in_map(self, pose: Pose2) -> tuple[FloatArray, float]:
         """Middle (2,) and normal (radians) in the map, given the pose of its key frame."""

@@ -10,6 +10,7 @@ import pytest
 
 from common.geometry import FloatArray, Pose2
 from onboard.mmu.back_end import BackEnd
+from onboard.mmu.edges import Kind
 from onboard.mmu.key_frames import Increment, KeyFrame
 
 STEP_M = 0.4
@@ -67,6 +68,23 @@ def corner(seen_ahead: bool) -> list[Increment]:
     return increments
 
 
+def askew(by_rad: float) -> list[Increment]:
+    """On for 12 m between walls that stand no longer at right angles; half way, the robot turns round once."""
+    increments = hall(0.0)
+    count = sum(len(increment.frames) for increment in increments)
+    for i in range(count, count + 30):
+        travel_m, turned_rad = i * STEP_M, 2 * pi * (i >= count + 15)
+        way_m = travel_m + 0.2 * turned_rad
+        frame = KeyFrame(2.5 * way_m, Pose2(travel_m, 0.0, 0.0), travel_m, way_m, turned_rad, 0.0)
+        echoes = []
+        for k in range(8):
+            for side in (1.0, -1.0):
+                aside_m = side + np.tan(by_rad) * (travel_m - WAY_M + 0.05 * k)
+                echoes.append([i, way_m, 0.05 * k, aside_m, side * pi / 2 + by_rad, abs(aside_m)])
+        increments.append(Increment((frame,), np.array(echoes), np.zeros((0, 6))))
+    return increments
+
+
 def poses(increments: list[Increment]) -> FloatArray:
     back_end = BackEnd()
     for increment in increments:
@@ -77,6 +95,17 @@ def poses(increments: list[Increment]) -> FloatArray:
 def test_a_straight_hall_keeps_the_heading_of_a_gyro_that_drifts() -> None:
     headings = poses(hall(BEND_RAD))[:, 2]
     assert abs(headings[-1] - headings[0]) < radians(1.0)
+
+
+def test_a_wall_off_the_right_angle_is_taken_for_none_even_after_the_robot_turned_round() -> None:
+    """Then its heading is less certain, but the wall is the one that was judged before."""
+    back_end = BackEnd()
+    for increment in askew(radians(2.0)):
+        back_end.take(increment)
+    edges = back_end._trail.graph.edges
+    upright = edges.rows[edges.of_kind(Kind.BEARING)]["second"] * STEP_M
+    assert (upright < WAY_M).sum() > 5
+    assert not (upright > WAY_M + 4.0).any()
 
 
 @pytest.mark.requirement("MMU_MR_03")
