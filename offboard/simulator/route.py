@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import atan2
 
 import cv2
 import numpy as np
@@ -170,9 +169,9 @@ class RouteDriver:
     def _turn_rad(self, pose: Pose2, goal: tuple[float, float], yaw_rad: float) -> float:
         """To the goal, the way round that suits the way a little further on."""
         turn_rad = pose.bearing_rad(*goal)
-        later = self._way[min(self._at + THEN_CELLS, len(self._way) - 1)]
-        then_rad = atan2(later[1] - goal[1], later[0] - goal[0]) - pose.heading_rad - turn_rad
-        return self._unwinding.turn_rad(yaw_rad, turn_rad, wrap_angle(then_rad))
+        later_x_m, later_y_m = self._way[min(self._at + THEN_CELLS, len(self._way) - 1)].tolist()
+        then_rad = Pose2(*goal, pose.heading_rad + turn_rad).bearing_rad(later_x_m, later_y_m)
+        return self._unwinding.turn_rad(yaw_rad, turn_rad, then_rad)
 
     def _goal(self, pose: Pose2) -> tuple[float, float] | None:
         """The next place of the way that is far enough ahead to steer for; None at its end."""

@@ -308,7 +308,6 @@ def test_resume_alone_does_not_start_a_mission() -> None:
     assert not moving(robot.run(2.0))
 
 
-@pytest.mark.requirement("PLN_MR_03")
 def test_long_driving_is_broken_by_short_rests_for_the_gyro() -> None:
     robot = Robot().started()
     robot.turn_to(0.1)
@@ -319,6 +318,7 @@ def test_long_driving_is_broken_by_short_rests_for_the_gyro() -> None:
     assert moving(commands[-1:])
 
 
+@pytest.mark.requirement("PLN_MR_03")
 def test_something_ahead_stops_the_robot_within_one_period_and_it_goes_on_when_it_is_gone() -> None:
     robot = Robot().started()
     robot.ranges_m = SOMETHING_AHEAD
