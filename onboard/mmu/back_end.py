@@ -51,8 +51,8 @@ class BackEnd:
 
     def _tie(self, increment: Increment) -> None:
         """Look for ties of what is new to what is known, and let the graph come to rest."""
-        if self._near is not None:
-            self._near.judge_odometry()
+        if self._near is not None and self._near.judge_odometry():
+            self._walls = WallTies(self._trail)
         before = len(self._trail.graph.edges)
         self._walls.look_ahead(increment.approaches)
         if self._near is not None:

@@ -21,8 +21,9 @@ class Kind(Enum):
     NEAR = 1  # walls seen a little earlier on the way
     LOOP = 2  # a place visited before
     WALL = 3  # a wall that goes on
-    BEARING = 4  # the building's right angles
-    APPROACH = 5  # a wall ahead that came nearer
+    BEARING = 4  # a piece of a wall, whose direction is a value of its own
+    UPRIGHT = 5  # a wall that stands at right angles to the others
+    APPROACH = 6  # a wall ahead that came nearer
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Edge:
     kind: Kind
     way_m: float = 0.0
     turn_rad: float = 0.0
-    stretch: int = 0  # which of the values per metre holds here
+    slot: int = 0  # which of the values per metre (odometry) or of the walls' directions holds here
 
 
 _ROW = np.dtype(
@@ -51,7 +52,7 @@ _ROW = np.dtype(
         ("kind", np.int8),
         ("way_m", np.float64),
         ("turn_rad", np.float64),
-        ("stretch", np.int32),
+        ("slot", np.int32),
     ],
     align=True,
 )
@@ -70,7 +71,7 @@ class EdgeStore:
 
     def append(self, edge: Edge) -> None:
         relative, kind = edge.relative.as_array(), edge.kind.value
-        row = edge.first, edge.second, relative, edge.information, kind, edge.way_m, edge.turn_rad, edge.stretch
+        row = edge.first, edge.second, relative, edge.information, kind, edge.way_m, edge.turn_rad, edge.slot
         self._kept.append(np.array([row], _ROW))
 
     @property

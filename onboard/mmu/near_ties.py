@@ -48,17 +48,17 @@ class NearTies:
                 self._trail.graph.edges.append(self._waiting.popleft())
             self._tie_newest()
 
-    def judge_odometry(self) -> None:
-        """The newest stretch turned as the walls beside it seem to, the other way round."""
+    def judge_odometry(self) -> bool:
+        """The newest stretch turned as the walls beside it seem to, the other way round; true: no gyro leads it."""
         if self._trail.way_m - self._bent_m < BEND_WAY_M:
-            return
+            return False
         rows = self._trail.echoes.stretch(self._bent_m, self._trail.way_m)
         first = int(np.searchsorted(self._trail.ways_m, self._bent_m))
         node, self._bent_m = len(self._trail.frames) - 1, self._trail.way_m
         raw_rad = np.array([f.odom.heading_rad - f.calibrated_rad for f in self._trail.frames])
         bend_rad_per_m = bend(rows[:, 1], rows[:, 4] + raw_rad[rows[:, 0].astype(int)])
         if bend_rad_per_m is None:
-            return
+            return False
         way_m = self._trail.ways_m[node] - self._trail.ways_m[first]
         here = self._trail.graph.pose(first).between(self._trail.graph.pose(node))
         turned_rad = wrap_angle(raw_rad[node] - raw_rad[first] - bend_rad_per_m * way_m)
@@ -68,6 +68,8 @@ class NearTies:
         doubted = self._trail.errors is not WHEELS_ALONE and len(self._bends) >= BENDS_MIN
         if doubted and abs(sum(self._bends)) > BEND_SIGMAS * BEND_SD_RAD_PER_M * len(self._bends) ** 0.5:
             self._trail.distrust_odometry()
+            return True
+        return False
 
     def _tie_newest(self) -> None:
         """Register the newest stretch onto the one before it."""

@@ -30,7 +30,6 @@ class OdometryErrors:
     slip_m_per_sqrt_m: float = 0.015  # of the way, where nothing tells
     across_share: float = 0.005
     heading_rad: float = radians(0.05)
-    upright_rad: float = radians(2.5)  # how far off a right angle a wall looks at most that stands at one
 
     def information(self, way_m: float, turn_rad: float, slip_m_per_sqrt_m: float | None = None) -> FloatArray:
         """(3, 3) of the relative pose at the end of such a way; `slip_m_per_sqrt_m`: where it is known."""
@@ -56,10 +55,9 @@ class OdometryErrors:
 GYRO_LED = OdometryErrors(
     radians(0.03),
     0.001,
-    DriftPrior(radians(0.015), None, 0.004, LENGTH_SD),
+    DriftPrior(radians(0.009), None, 0.004, LENGTH_SD),
     along_m=0.002,
     heading_rad=radians(0.01),
-    upright_rad=radians(1.2),
 )
 UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01, LENGTH_SD))
 WHEELS_ALONE = OdometryErrors(radians(1.5), 0.03, DriftPrior(radians(2.0), radians(0.1), 0.03, LENGTH_SD), 0.05, 0.006)

@@ -68,7 +68,7 @@ class Trail:
     def distrust_odometry(self) -> None:
         """Its heading is not led by a gyro: what was tied while that was believed is looked at no more."""
         self.errors = WHEELS_ALONE
-        self.graph.prior = WHEELS_ALONE.drift
+        self.graph.prior, self.graph.walls_rad = WHEELS_ALONE.drift, np.zeros(0)
         edges = self.graph.edges
         edges.keep(edges.of_kind(Kind.ODOMETRY))
         for row in edges.rows:

@@ -1,8 +1,11 @@
-"""Ties by straight walls: one that goes on, walls at right angles to each other, a wall ahead that comes nearer."""
+"""What straight walls tell: of the heading, each its own direction and all their right angles; of the way, one ahead.
+
+A building's walls bend by a degree here and there, and a piece of one says the same as the next. So a wall's direction
+is a value of the graph: its pieces tell it, and it counts once among the right angles.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import cos, pi, radians, sin, sqrt
 
@@ -13,33 +16,32 @@ from onboard.mmu.edges import Edge, Kind
 from onboard.mmu.key_frames import in_map
 from onboard.mmu.odometry_errors import LENGTH_SD
 from onboard.mmu.pose_graph import WALLS
-from onboard.mmu.trail import Trail, about
-from onboard.mmu.walls import WallAhead, WallPiece, continuation, fit_piece
+from onboard.mmu.trail import Trail
+from onboard.mmu.walls import Wall, WallAhead, WallPiece, fit_piece
 
 RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
 RIGHT_ANGLES_SHARE = 0.9
-UPRIGHT_MAX_RAD = radians(6.0)
-RIGHT_ANGLES_SD_RAD = radians(0.3)  # of one piece: it is known to 0.15
+RIGHT_ANGLES_SD_RAD = radians(0.4)  # of one wall
+SAME_RAD = radians(1.2)  # directions that differ by more are not the same, or not at right angles
+SAME_MAX_RAD = radians(4.0)  # however uncertain the heading is
 APPROACH_OFF_RAD = radians(8.0)  # a way that departs further from the walls' directions is no square approach
 APPROACH_SD_M = 0.01
 APPROACH_SIGMAS = 3.0  # what slip and length of the wheels do not explain was no square wall
 AHEAD_WAY_M = 15.0  # by then it is driven along, or it was another one
 AHEAD_BESIDE_M = 1.0  # from where it was seen ahead to where it is driven along
 PIECE_WAY_M = 3.0
-PIECE_GAP_M = 2.5
 PIECE_LOOK_BACK_M = 45.0
-PIECE_SD_RAD = radians(0.5)  # how far two pieces of one wall differ in direction
+PIECE_SD_RAD = radians(0.15)
 PIECE_END_SD_M = 0.01
-SAME_WALL_RAD = radians(0.6)  # a piece that departs more says something of its own about right angles
-PIECE_OFFSET_SD_M = 0.10
 
 
 @dataclass(slots=True)
 class WallTies:
     _trail: Trail
-    _pieces: list[WallPiece] = field(default_factory=list)
+    _walls: list[Wall] = field(default_factory=list)  # in the order of the graph's `walls_rad`
+    _pieces: list[tuple[WallPiece, int]] = field(default_factory=list)  # of the way looked back over, and of which wall
     _right_angles: RightAngles = field(default_factory=RightAngles)  # weight: metres of wall
-    _upright: int = 0  # key frame of the newest piece at a right angle
+    _upright: int = 0  # key frame of the newest piece of a wall at right angles
     _length_information: float = LENGTH_SD**-2  # of how much longer the way is than the wheels say
     _ahead: list[WallAhead] = field(default_factory=list)  # seen lately, not met yet
 
@@ -80,115 +82,97 @@ class WallTies:
         return True
 
     def look_beside(self) -> None:
-        """Straight pieces among the newest echoes on both sides."""
+        """Straight pieces among the newest echoes on both sides: they tell how the walls lie that they belong to."""
         rows = self._trail.echoes.stretch(self._trail.way_m - PIECE_WAY_M)
         if len(rows) == 0:
             return
-        poses = self._trail.graph.poses
-        node = len(self._trail.frames) - 1
-        self._right_angles = RightAngles()
-        for piece in self._pieces:
-            direction_rad = float(poses[piece.node, 2]) + piece.normal_rad
-            self._right_angles = self._right_angles.with_direction(direction_rad, piece.length_m)
+        back_m = self._trail.way_m - PIECE_LOOK_BACK_M
+        self._pieces = [(piece, slot) for piece, slot in self._pieces if piece.way_m > back_m]
         self._ahead = [ahead for ahead in self._ahead if ahead.way_m > self._trail.way_m - AHEAD_WAY_M]
-        points, directions = in_map(rows, poses)
-        pose = self._trail.graph.pose(node)
-        side = np.sin(directions - pose.heading_rad)
+        points, directions = in_map(rows, self._trail.graph.poses)
+        side = np.sin(directions - self._trail.graph.pose(len(self._trail.frames) - 1).heading_rad)
         for sign in (1.0, -1.0):
             mine = side * sign > cos(radians(25.0))
             line = fit_piece(points[mine], directions[mine])
-            if line is None:
-                continue
-            middle, normal_rad, length_m = line
-            local = pose.inverse().transform(middle)
-            turned_rad = wrap_angle(normal_rad - pose.heading_rad)
-            piece = WallPiece(node, self._trail.way_m, float(local[0]), float(local[1]), turned_rad, length_m)
-            self._continue_wall(piece, poses)
-            self._meet(piece, poses)
-            self._pieces.append(piece)
-            self._keep_right_angles(piece)
+            if line is not None:
+                node = int(np.median(rows[mine, 0]))
+                piece = WallPiece.of(line, node, self._trail.graph.pose(node), self._trail.ways_m[node])
+                self._pieces.append((piece, self._tell_wall(piece)))
+                self._meet(piece)
+        self._keep_right_angles()
 
-    def _goes_on_with(self, piece: WallPiece, poses: FloatArray) -> Iterator[tuple[WallPiece, float, float]]:
-        """Earlier pieces that may be of the same wall, the earliest first; by which angle and offset it departs."""
-        middle, normal_rad = piece.in_map(Pose2.from_array(poses[piece.node]))
-        for other in self._pieces:
-            if 0.0 < piece.way_m - other.way_m <= PIECE_LOOK_BACK_M:
-                other_middle, other_normal = other.in_map(Pose2.from_array(poses[other.node]))
-                departs = continuation(middle, normal_rad, piece.length_m, other_middle, other_normal, other.length_m)
-                if departs is not None:
-                    yield other, *departs
+    def _tell_wall(self, piece: WallPiece) -> int:
+        """How the wall lies to the heading that the robot had there; returns which wall it is."""
+        slot = self._wall_of(piece)
+        wall = self._walls[slot]
+        wall.node, wall.length_m = piece.node, wall.length_m + piece.length_m
+        sd_rad = PIECE_SD_RAD + PIECE_END_SD_M / piece.length_m
+        heading = Pose2(0.0, 0.0, -piece.normal_rad)
+        information = np.diag([0.0, 0.0, sd_rad**-2])
+        self._trail.graph.edges.append(Edge(0, piece.node, heading, information, Kind.BEARING, slot=slot))
+        return slot
 
-    def _continue_wall(self, piece: WallPiece, poses: FloatArray) -> None:
-        """Tie the piece to the earliest one of the same wall in the stretch looked back over."""
-        pose = Pose2.from_array(poses[piece.node])
-        middle, _ = piece.in_map(pose)
-        for other, turn, offset in self._goes_on_with(piece, poses):
-            if piece.way_m - other.way_m < PIECE_GAP_M:
-                continue
-            other_pose = Pose2.from_array(poses[other.node])
-            _, other_normal = other.in_map(other_pose)
-            n = np.array([cos(other_normal), sin(other_normal)])
-            correction = about(middle, Pose2(-offset * n[0], -offset * n[1], -turn))
-            information = _across(_turned_back(n, other_pose), PIECE_OFFSET_SD_M)
-            information[2, 2] = 1.0 / (PIECE_SD_RAD + PIECE_END_SD_M / min(piece.length_m, other.length_m)) ** 2
-            relative = other_pose.between(correction.compose(pose))
-            self._trail.graph.edges.append(Edge(other.node, piece.node, relative, information, Kind.WALL))
-            return
+    def _wall_of(self, piece: WallPiece) -> int:
+        """The newest wall that the piece goes on with, or a new one."""
+        graph = self._trail.graph
+        line, first_rad = piece.in_map(graph.pose(piece.node)), graph.pose(0).heading_rad
+        for other, slot in reversed(self._pieces):
+            same_rad = self._same_rad(self._walls[slot].node, piece.node)
+            wall_rad = first_rad + float(graph.walls_rad[slot])
+            if line.goes_on(other.in_map(graph.pose(other.node)), wall_rad, same_rad):
+                return slot
+        self._walls.append(Wall(piece.node))
+        return graph.add_wall(wrap_angle(line.normal_rad - first_rad))
 
-    def _meet(self, piece: WallPiece, poses: FloatArray) -> None:
+    def _meet(self, piece: WallPiece) -> None:
         """A wall that was ahead is driven along now: how far the way towards it was, past the turn."""
-        pose = Pose2.from_array(poses[piece.node])
-        middle, normal_rad = piece.in_map(pose)
-        n = np.array([cos(normal_rad), sin(normal_rad)])
-        here = poses[piece.node, :2]
+        pose = self._trail.graph.pose(piece.node)
+        line = piece.in_map(pose)
+        n = np.array([cos(line.normal_rad), sin(line.normal_rad)])
+        here = np.array([pose.x_m, pose.y_m])
         for ahead in self._ahead:
-            seen_from = Pose2.from_array(poses[ahead.node])
+            seen_from = self._trail.graph.pose(ahead.node)
             start = seen_from.transform([ahead.x_m, ahead.y_m])
-            beside_m = abs(float((middle - start) @ np.array([-n[1], n[0]])))
-            turned_rad = wrap_angle(seen_from.heading_rad + ahead.normal_rad - normal_rad)
+            beside_m = abs(float((line.middle - start) @ np.array([-n[1], n[0]])))
+            turned_rad = wrap_angle(seen_from.heading_rad + ahead.normal_rad - line.normal_rad)
             if abs(turned_rad) > APPROACH_OFF_RAD or beside_m > piece.length_m / 2 + AHEAD_BESIDE_M:
                 continue
-            closer_m = ahead.range_m - float((middle - here) @ n)
+            closer_m = ahead.range_m - float((line.middle - here) @ n)
             if self._come_nearer(ahead.node, piece.node, pose, n, float((here - start) @ n), closer_m):
                 self._ahead.remove(ahead)
                 return
 
-    def _keep_right_angles(self, piece: WallPiece) -> None:
-        """Where the walls so far stand at right angles, a piece that nearly does too pulls the heading, softly.
+    def _keep_right_angles(self) -> None:
+        """Where the walls so far stand at right angles, one that nearly does too pulls its direction, softly, and once.
 
-        How the right angles lie to the first heading is part of the graph: all pieces tell it together.
+        How the right angles lie to the first heading is part of the graph: all walls tell it together.
         """
-        _, normal_rad = piece.in_map(self._trail.graph.pose(piece.node))
-        self._right_angles = self._right_angles.with_direction(normal_rad, piece.length_m)
+        graph = self._trail.graph
+        first_rad = graph.pose(0).heading_rad
+        self._right_angles = RightAngles()
+        for wall, normal_rad in zip(self._walls, graph.walls_rad.tolist(), strict=True):
+            self._right_angles = self._right_angles.with_direction(first_rad + normal_rad, wall.length_m)
         if not self._square:
             return
-        begins = not self._trail.graph.edges.of_kind(Kind.BEARING).any()
-        if begins:
-            self._trail.graph.slow[WALLS] = self._right_angles.direction_rad - self._trail.graph.pose(0).heading_rad
-        for one in self._pieces if begins else [piece]:
-            pose = self._trail.graph.pose(one.node)
-            off_rad = self._off_right_angles(pose.heading_rad + one.normal_rad)
-            one.upright = abs(off_rad) <= self._upright_rad(one.node) and self._stood_upright(one)
-            if one.upright:
-                self._upright = one.node
-                heading_rad = wrap_angle(pose.heading_rad - off_rad - self._walls_rad)
-                upright = Pose2(pose.x_m, pose.y_m, heading_rad)
-                information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
-                self._trail.graph.edges.append(Edge(0, one.node, upright, information, Kind.BEARING))
+        if not graph.edges.of_kind(Kind.UPRIGHT).any():
+            graph.slow[WALLS] = self._right_angles.direction_rad - first_rad
+        for slot, (wall, normal_rad) in enumerate(zip(self._walls, graph.walls_rad.tolist(), strict=True)):
+            if wall.upright is None:
+                off_rad = self._off_right_angles(first_rad + normal_rad)
+                wall.upright = abs(off_rad) <= self._same_rad(self._upright, wall.node)
+                if wall.upright:
+                    square = Pose2(0.0, 0.0, wrap_angle(normal_rad - off_rad - float(graph.slow[WALLS])))
+                    information = np.diag([0.0, 0.0, RIGHT_ANGLES_SD_RAD**-2])
+                    graph.edges.append(Edge(0, 0, square, information, Kind.UPRIGHT, slot=slot))
+            if wall.upright:
+                self._upright = max(self._upright, wall.node)
 
-    def _stood_upright(self, piece: WallPiece) -> bool:
-        """What was last concluded of the wall that a piece goes on with; true where it is a new one."""
-        before = self._goes_on_with(piece, self._trail.graph.poses)
-        told = [other.upright for other, turn, _ in before if other.upright is not None and abs(turn) < SAME_WALL_RAD]
-        return told[-1] if told else True
-
-    def _upright_rad(self, node: int) -> float:
-        """How far off a right angle a piece may be: the further, the more the heading may have lost since the last."""
-        frame, last = self._trail.frames[node], self._trail.frames[self._upright]
+    def _same_rad(self, since: int, node: int) -> float:
+        """By how much a wall seen from a node may differ from one seen from another, by what the heading may lose."""
+        frame, last = self._trail.frames[node], self._trail.frames[since]
         drift = self._trail.errors.drift
         turned_rad, way_m = abs(frame.turned_rad - last.turned_rad), abs(frame.way_m - last.way_m)
-        lost_rad = 2 * drift.rad_per_rad * turned_rad + drift.rad_per_m * way_m
-        return min(self._trail.errors.upright_rad + lost_rad, UPRIGHT_MAX_RAD)
+        return min(SAME_RAD + 2 * drift.rad_per_rad * turned_rad + drift.rad_per_m * way_m, SAME_MAX_RAD)
 
     @property
     def _square(self) -> bool:

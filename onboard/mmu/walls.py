@@ -1,13 +1,13 @@
 """Straight wall pieces: lines through the echoes of a few metres of driving, and which of them are one wall.
 
-A hall's wall goes on where it was: a piece that continues an earlier one carries its direction and offset on, and with
-them the heading, over tens of metres. (Line landmarks for sparse sensing: Zhou et al., IROS 2022.)
+A hall's wall goes on where it was: a piece that continues an earlier one carries its direction on, and with it the
+heading, over tens of metres. (Line landmarks for sparse sensing: Zhou et al., IROS 2022.)
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, radians
+from math import atan2, cos, radians, sin
 
 import numpy as np
 
@@ -18,17 +18,40 @@ PIECE_LENGTH_MIN_M = 1.5
 PIECE_SD_MAX_M = 0.03
 INLIER_M = 0.06
 BEND_MAX_RAD = radians(4.0)  # a piece round a slight corner has no direction
-SAME_ANGLE_RAD = radians(5.0)
 SAME_OFFSET_M = 0.30
 GAP_MAX_M = 6.0
 
 
-@dataclass(slots=True)
-class WallPiece:
-    """A straight piece of wall, in the frame of key frame `node`: its middle, its normal (away from the robot).
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A straight piece of wall in the map: its middle (2,), its normal (away from the robot), its length."""
 
-    `upright`: does the wall stand at right angles to the others? None as long as nobody asked.
-    """
+    middle: FloatArray
+    normal_rad: float
+    length_m: float
+
+    def goes_on(self, other: Line, wall_rad: float, same_rad: float) -> bool:
+        """May both be of one wall, whose normal is `wall_rad`? `same_rad`: by how much this one's may differ."""
+        if abs(wrap_angle(self.normal_rad - wall_rad)) > same_rad:
+            return False
+        n = np.array([cos(wall_rad), sin(wall_rad)])
+        gap = self.middle - other.middle
+        apart_m = abs(float(gap @ [-n[1], n[0]])) - (self.length_m + other.length_m) / 2
+        return abs(float(gap @ n)) <= SAME_OFFSET_M and apart_m <= GAP_MAX_M
+
+
+@dataclass(slots=True)
+class Wall:
+    """`node`: key frame of its newest piece; `length_m`: of all its pieces, which overlap."""
+
+    node: int
+    length_m: float = 0.0
+    upright: bool | None = None  # does it stand at right angles to the others? None as long as that is not known
+
+
+@dataclass(frozen=True, slots=True)
+class WallPiece:
+    """A straight piece of wall, in the frame of key frame `node`: its middle, its normal (away from the robot)."""
 
     node: int
     way_m: float
@@ -36,11 +59,17 @@ class WallPiece:
     y_m: float
     normal_rad: float
     length_m: float
-    upright: bool | None = None
 
-    def in_map(self, pose: Pose2) -> tuple[FloatArray, float]:
-        """Middle (2,) and normal (radians) in the map, given the pose of its key frame."""
-        return pose.transform([self.x_m, self.y_m]), wrap_angle(self.normal_rad + pose.heading_rad)
+    @classmethod
+    def of(cls, line: Line, node: int, pose: Pose2, way_m: float) -> WallPiece:
+        """As seen from a key frame with that pose."""
+        x_m, y_m = pose.inverse().transform(line.middle).tolist()
+        return cls(node, way_m, x_m, y_m, wrap_angle(line.normal_rad - pose.heading_rad), line.length_m)
+
+    def in_map(self, pose: Pose2) -> Line:
+        """Given the pose of its key frame."""
+        normal_rad = wrap_angle(self.normal_rad + pose.heading_rad)
+        return Line(pose.transform([self.x_m, self.y_m]), normal_rad, self.length_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +84,8 @@ class WallAhead:
     range_m: float
 
 
-def fit_piece(points: Points, normals_rad: FloatArray) -> tuple[FloatArray, float, float] | None:
-    """Middle (2,), normal (radians) and length of the line through most of `points` (N, 2), or None."""
+def fit_piece(points: Points, normals_rad: FloatArray) -> Line | None:
+    """The line through most of `points` (N, 2), which were heard along `normals_rad` (N,), or None."""
     if len(points) < PIECE_POINTS_MIN:
         return None
     mean = atan2(float(np.sin(normals_rad).mean()), float(np.cos(normals_rad).mean()))
@@ -78,31 +107,10 @@ def fit_piece(points: Points, normals_rad: FloatArray) -> tuple[FloatArray, floa
     length_m = float(np.ptp(along))
     if length_m < PIECE_LENGTH_MIN_M or off.std() >= PIECE_SD_MAX_M or abs(_bend_rad(along, off)) > BEND_MAX_RAD:
         return None
-    return middle, normal_rad, length_m
+    return Line(middle, normal_rad, length_m)
 
 
 def _bend_rad(along: FloatArray, off: FloatArray) -> float:
     """By how much the direction changes from end to end: a parabola through the residuals (N,) of the line."""
     square = along**2 - (along**2).mean()
     return 2 * float(np.ptp(along)) * float((square * off).sum()) / max(float((square**2).sum()), 1e-9)
-
-
-def continuation(
-    middle: FloatArray,
-    normal_rad: float,
-    length_m: float,
-    other_middle: FloatArray,
-    other_normal: float,
-    other_m: float,
-) -> tuple[float, float] | None:
-    """Angle and offset by which a piece departs from the line of another one, or None where they are no one wall."""
-    turn = wrap_angle(normal_rad - other_normal)
-    if abs(turn) > SAME_ANGLE_RAD:
-        return None
-    n = np.array([np.cos(other_normal), np.sin(other_normal)])
-    gap = middle - other_middle
-    offset = float(gap @ n)
-    along = abs(float(gap @ np.array([-n[1], n[0]])))
-    if abs(offset) > SAME_OFFSET_M or along - (length_m + other_m) / 2 > GAP_MAX_M:
-        return None
-    return turn, offset

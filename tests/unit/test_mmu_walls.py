@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from onboard.mmu.walls import WallPiece, continuation, fit_piece
+from onboard.mmu.walls import Line, WallPiece, fit_piece
 
 
 def echoes(
@@ -26,10 +26,9 @@ def echoes(
 def test_echoes_of_a_wall_make_a_piece(normal_deg: float) -> None:
     piece = fit_piece(*echoes(radians(normal_deg), 1.2, 3.0))
     assert piece is not None
-    middle, normal_rad, length_m = piece
-    assert abs(wrap_angle(normal_rad - radians(normal_deg))) < radians(1.0)
-    assert middle @ [cos(radians(normal_deg)), sin(radians(normal_deg))] == pytest.approx(1.2, abs=0.01)
-    assert length_m == pytest.approx(3.0, abs=0.1)
+    assert abs(wrap_angle(piece.normal_rad - radians(normal_deg))) < radians(1.0)
+    assert piece.middle @ [cos(radians(normal_deg)), sin(radians(normal_deg))] == pytest.approx(1.2, abs=0.01)
+    assert piece.length_m == pytest.approx(3.0, abs=0.1)
 
 
 def test_a_few_strays_do_not_turn_a_piece() -> None:
@@ -37,7 +36,7 @@ def test_a_few_strays_do_not_turn_a_piece() -> None:
     points[::10, 1] += 0.5
     piece = fit_piece(points, directions)
     assert piece is not None
-    assert piece[1] == pytest.approx(pi / 2, abs=radians(1.0))
+    assert piece.normal_rad == pytest.approx(pi / 2, abs=radians(1.0))
 
 
 @pytest.mark.parametrize(
@@ -54,31 +53,30 @@ def test_a_step_in_the_wall_makes_no_piece() -> None:
 
 
 NORMAL = pi / 2
-BEFORE = np.array([0.0, 1.0])
+BEFORE = Line(np.array([0.0, 1.0]), NORMAL, 2.0)
 
 
-def test_a_wall_that_goes_on_is_the_same_and_says_by_how_much_it_departs() -> None:
-    departs = continuation(np.array([5.0, 1.1]), NORMAL + radians(1.0), 2.0, BEFORE, NORMAL, 2.0)
-    assert departs is not None
-    assert departs[0] == pytest.approx(radians(1.0))
-    assert departs[1] == pytest.approx(0.1)
+def test_a_wall_that_goes_on_is_the_same() -> None:
+    assert Line(np.array([5.0, 1.1]), NORMAL + radians(1.0), 2.0).goes_on(BEFORE, NORMAL, radians(1.2))
 
 
 @pytest.mark.parametrize(
     ("middle", "normal_rad"),
     [
         ((5.0, 1.5), NORMAL),  # a wall set back
-        ((5.0, 1.0), NORMAL + radians(10.0)),  # a bend
+        ((5.0, 1.0), NORMAL + radians(2.0)),  # a bend
         ((5.0, 1.0), -NORMAL),  # the other side of it
         ((12.0, 1.0), NORMAL),  # too far on
     ],
 )
 def test_other_walls_are_not_the_same(middle: tuple[float, float], normal_rad: float) -> None:
-    assert continuation(np.array(middle), normal_rad, 2.0, BEFORE, NORMAL, 2.0) is None
+    assert not Line(np.array(middle), normal_rad, 2.0).goes_on(BEFORE, NORMAL, radians(1.2))
 
 
 def test_a_piece_moves_with_its_key_frame() -> None:
-    piece = WallPiece(node=3, way_m=7.0, x_m=1.0, y_m=2.0, normal_rad=pi / 2, length_m=2.0)
-    middle, normal_rad = piece.in_map(Pose2(10.0, 20.0, pi / 2))
-    assert middle == pytest.approx([8.0, 21.0])
-    assert abs(normal_rad) == pytest.approx(pi)
+    line = Line(np.array([1.0, 2.0]), pi / 2, 2.0)
+    moved = WallPiece.of(line, node=3, pose=Pose2(0.0, 0.0, 0.0), way_m=7.0).in_map(Pose2(10.0, 20.0, pi / 2))
+    assert moved.middle == pytest.approx([8.0, 21.0])
+    assert abs(moved.normal_rad) == pytest.approx(pi)
+    again = WallPiece.of(moved, node=3, pose=Pose2(10.0, 20.0, pi / 2), way_m=7.0)
+    assert (again.x_m, again.y_m, again.normal_rad) == pytest.approx((1.0, 2.0, pi / 2))
