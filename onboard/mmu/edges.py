@@ -20,10 +20,9 @@ class Kind(Enum):
     ODOMETRY = 0
     NEAR = 1  # walls seen a little earlier on the way
     LOOP = 2  # a place visited before
-    WALL = 3  # a wall that goes on
-    BEARING = 4  # a piece of a wall, whose direction is a value of its own
-    UPRIGHT = 5  # a wall that stands at right angles to the others
-    APPROACH = 6  # a wall ahead that came nearer
+    BEARING = 3  # a piece of a wall, whose direction is a value of its own
+    UPRIGHT = 4  # a wall that stands at right angles to the others
+    APPROACH = 5  # a wall ahead that came nearer
 
 
 @dataclass(frozen=True, slots=True)
