@@ -29,6 +29,8 @@ class Kind(Enum):
 class Edge:
     """Pose of node `second` as seen from node `first`, with its information matrix (3, 3).
 
+    Of a BEARING, `relative` turns the wall's direction into the heading of `second`; of an UPRIGHT, both of whose nodes
+    are 0, the direction of the right angles into the wall's.
     `way_m` and `turn_rad` are what odometry drove in between, for its slow errors; zero for every other kind.
     """
 

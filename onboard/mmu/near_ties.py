@@ -49,7 +49,10 @@ class NearTies:
             self._tie_newest()
 
     def judge_odometry(self) -> bool:
-        """The newest stretch turned as the walls beside it seem to, the other way round; true: no gyro leads it."""
+        """The newest stretch turned as the walls beside it seem to, the other way round.
+
+        True where that told that no gyro leads odometry.
+        """
         if self._trail.way_m - self._bent_m < BEND_WAY_M:
             return False
         rows = self._trail.echoes.stretch(self._bent_m, self._trail.way_m)

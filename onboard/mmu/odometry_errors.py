@@ -30,6 +30,7 @@ class OdometryErrors:
     slip_m_per_sqrt_m: float = 0.015  # of the way, where nothing tells
     across_share: float = 0.005
     heading_rad: float = radians(0.05)
+    same_rad: float = radians(2.5)  # by how much walls seem to differ at most that are one, or at right angles
 
     def information(self, way_m: float, turn_rad: float, slip_m_per_sqrt_m: float | None = None) -> FloatArray:
         """(3, 3) of the relative pose at the end of such a way; `slip_m_per_sqrt_m`: where it is known."""
@@ -58,6 +59,7 @@ GYRO_LED = OdometryErrors(
     DriftPrior(radians(0.009), None, 0.004, LENGTH_SD),
     along_m=0.002,
     heading_rad=radians(0.01),
+    same_rad=radians(1.2),
 )
 UNKNOWN = OdometryErrors(radians(0.05), 0.003, DriftPrior(radians(0.1), radians(0.01), 0.01, LENGTH_SD))
 WHEELS_ALONE = OdometryErrors(radians(1.5), 0.03, DriftPrior(radians(2.0), radians(0.1), 0.03, LENGTH_SD), 0.05, 0.006)

@@ -27,7 +27,7 @@ DCS_PHI = 8.0
 ITERATIONS = 14
 EASING = 3.0
 AT_REST = 1e-3
-FIRST_HEADING_RAD = radians(2.6)  # it counts as a key frame so far away that drift would turn the way there by this
+FIRST_HEADING_RAD = radians(1.56)  # it counts as a key frame so far away that drift would turn the way there by this
 # In `slow`: m/m, rad/rad, the direction (rad) of walls that stand at right angles, then rad/m of each stretch
 LENGTH, TURN, WALLS, PER_M = range(4)
 UNKNOWN_SD_RAD = 100.0  # of a direction of which nothing is known beforehand
@@ -38,8 +38,8 @@ class DriftPrior:
     """How far the odometry's slow errors may reach, as standard deviations."""
 
     rad_per_m: float
-    # From one stretch to the next. None: every stretch begins anew, as after a gyro's rest, and is believed mildly: now
-    # and then a gyro is far worse than its kind, and then straight walls tell
+    # From one stretch to the next. None: every stretch begins anew, as after a gyro's rest; now and then a gyro is far
+    # worse than its kind, and then straight walls tell
     rad_per_m_step: float | None
     rad_per_rad: float
     m_per_m: float
@@ -131,7 +131,7 @@ class _System:
         seldom = np.full((len(edges), 1), self.size) + np.arange(PER_M)
         columns = np.concatenate([*nodes, seldom, self.size + self.slot[:, None]], axis=1, dtype=np.int32)
         self.columns = np.repeat(columns, 3, axis=0).ravel()
-        self.beliefs, self.mild = _beliefs(prior, slow, walls)
+        self.beliefs, self.rare = _beliefs(prior, slow, walls)
 
     def settle(self, poses: FloatArray, values: FloatArray, phi: float) -> tuple[FloatArray, FloatArray]:
         """At rest from these poses (K, 3) on; `phi`: the strain up to which ties pull fully, eased down to DCS_PHI."""
@@ -154,7 +154,7 @@ class _System:
         scale = np.minimum(1.0, 2 * DCS_PHI / (DCS_PHI + chi2))
         scaled = scale**2 * chi2 + DCS_PHI * (1.0 - scale) ** 2
         off2 = (self.beliefs @ values) ** 2
-        believed = np.where(self.mild, _rare_cost(off2), off2)
+        believed = np.where(self.rare, _rare_cost(off2), off2)
         return float(self._by_kind(chi2, _rare_cost(chi2), scaled).sum() + believed.sum())
 
     def _chi2(self, error: FloatArray) -> FloatArray:
@@ -172,7 +172,7 @@ class _System:
         weighted = np.einsum("eij,e,ejk->eik", self.information, self._trust(self._chi2(error), phi), jacobian)
         left, right = self._sparse(weighted), self._sparse(jacobian)
         gradient = left.T @ error.ravel()
-        trust = np.where(self.mild, _rare_trust((self.beliefs @ values) ** 2), 1.0)
+        trust = np.where(self.rare, _rare_trust((self.beliefs @ values) ** 2, phi), 1.0)
         prior = self.beliefs.T @ diags(trust) @ self.beliefs
         gradient[self.size :] += prior @ values
         hessian = left.T @ right + block_diag([identity(self.size) * 1e-6, prior], format="csr")
@@ -221,25 +221,25 @@ class _System:
 
     def _trust(self, chi2: FloatArray, phi: float) -> FloatArray:
         scaled = np.minimum(1.0, 2 * phi / (phi + chi2)) ** 2
-        return self._by_kind(np.ones_like(chi2), _rare_trust(chi2), scaled)
+        return self._by_kind(np.ones_like(chi2), _rare_trust(chi2, phi), scaled)
 
 
 def _beliefs(prior: DriftPrior, slow: int, walls: int) -> tuple[csr_matrix, npt.NDArray[np.bool_]]:
-    """What is known beforehand of the slow values and the walls' directions, and which of it (R,) mildly.
+    """What is known beforehand of the other values, and what of it (R,) is far off now and then.
 
-    Rows (R, slow + walls): such a row times the values has variance 1.
+    Rows (R, slow and walls): such a row times the values has variance 1.
     """
     stretches = slow - PER_M
     errors = [prior.m_per_m, prior.rad_per_rad, UNKNOWN_SD_RAD, *stretches * [prior.rad_per_m]]
     information = 1.0 / np.array([*errors, *walls * [UNKNOWN_SD_RAD]])
     less_the_last = np.zeros(len(information) - 1)
     row = np.arange(slow + walls)
-    mildly = (row >= PER_M) & (row < slow)
+    rare = (row >= PER_M) & (row < slow)
     if prior.rad_per_m_step is not None:
         information[PER_M + 1 : slow] = 1.0 / prior.rad_per_m_step
         less_the_last[PER_M : slow - 1] = -1.0 / prior.rad_per_m_step
-        mildly[:] = False
-    return diags([information, less_the_last], [0, -1], format="csr"), mildly
+        rare[:] = False
+    return diags([information, less_the_last], [0, -1], format="csr"), rare
 
 
 def _rare_cost(chi2: FloatArray) -> FloatArray:
@@ -248,9 +248,9 @@ def _rare_cost(chi2: FloatArray) -> FloatArray:
     return cost
 
 
-def _rare_trust(chi2: FloatArray) -> FloatArray:
+def _rare_trust(chi2: FloatArray, phi: float) -> FloatArray:
     """The weight that belongs to `_rare_cost`."""
-    trust: FloatArray = 1.0 / (1.0 + chi2 / DCS_PHI)
+    trust: FloatArray = 1.0 / (1.0 + chi2 / phi)
     return trust
 
 

@@ -1,7 +1,7 @@
 """What straight walls tell: of the heading, each its own direction and all their right angles; of the way, one ahead.
 
 A building's walls bend by a degree here and there, and a piece of one says the same as the next. So a wall's direction
-is a value of the graph: its pieces tell it, and it counts once among the right angles.
+is a value of the graph: its pieces tell it, and it counts once among the right angles each time it is driven along.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from onboard.mmu.pose_graph import WALLS
 from onboard.mmu.trail import Trail
 from onboard.mmu.walls import Wall, WallAhead, WallPiece, fit_piece
 
-RIGHT_ANGLES_WALL_M = 20.0  # of wall, before anything is concluded
+RIGHT_ANGLES_WALL_M = 20.0  # of pieces, which overlap, before anything is concluded
 RIGHT_ANGLES_SHARE = 0.9
+JUDGED_WALL_M = 4.5  # of its pieces: two at least, for the direction of one is known too badly
 RIGHT_ANGLES_SD_RAD = radians(0.4)  # of one wall
-SAME_RAD = radians(1.2)  # directions that differ by more are not the same, or not at right angles
-SAME_MAX_RAD = radians(4.0)  # however uncertain the heading is
+SAME_MAX_RAD = radians(4.0)  # of walls that are one, or at right angles, however uncertain the heading is
 APPROACH_OFF_RAD = radians(8.0)  # a way that departs further from the walls' directions is no square approach
 APPROACH_SD_M = 0.01
 APPROACH_SIGMAS = 3.0  # what slip and length of the wheels do not explain was no square wall
@@ -31,7 +31,7 @@ AHEAD_WAY_M = 15.0  # by then it is driven along, or it was another one
 AHEAD_BESIDE_M = 1.0  # from where it was seen ahead to where it is driven along
 PIECE_WAY_M = 3.0
 PIECE_LOOK_BACK_M = 45.0
-PIECE_SD_RAD = radians(0.15)
+PIECE_SD_RAD = radians(0.15)  # of a long one
 PIECE_END_SD_M = 0.01
 
 
@@ -41,7 +41,7 @@ class WallTies:
     _walls: list[Wall] = field(default_factory=list)  # in the order of the graph's `walls_rad`
     _pieces: list[tuple[WallPiece, int]] = field(default_factory=list)  # of the way looked back over, and of which wall
     _right_angles: RightAngles = field(default_factory=RightAngles)  # weight: metres of wall
-    _upright: int = 0  # key frame of the newest piece of a wall at right angles
+    _upright: int = 0  # key frame of the newest piece of a wall at right angles, or of the very first piece
     _length_information: float = LENGTH_SD**-2  # of how much longer the way is than the wheels say
     _ahead: list[WallAhead] = field(default_factory=list)  # seen lately, not met yet
 
@@ -95,7 +95,7 @@ class WallTies:
             mine = side * sign > cos(radians(25.0))
             line = fit_piece(points[mine], directions[mine])
             if line is not None:
-                node = int(np.median(rows[mine, 0]))
+                node = int(rows[mine, 0][mine.sum() // 2])
                 piece = WallPiece.of(line, node, self._trail.graph.pose(node), self._trail.ways_m[node])
                 self._pieces.append((piece, self._tell_wall(piece)))
                 self._meet(piece)
@@ -121,6 +121,8 @@ class WallTies:
             wall_rad = first_rad + float(graph.walls_rad[slot])
             if line.goes_on(other.in_map(graph.pose(other.node)), wall_rad, same_rad):
                 return slot
+        if not self._walls:
+            self._upright = piece.node
         self._walls.append(Wall(piece.node))
         return graph.add_wall(wrap_angle(line.normal_rad - first_rad))
 
@@ -135,7 +137,11 @@ class WallTies:
             start = seen_from.transform([ahead.x_m, ahead.y_m])
             beside_m = abs(float((line.middle - start) @ np.array([-n[1], n[0]])))
             turned_rad = wrap_angle(seen_from.heading_rad + ahead.normal_rad - line.normal_rad)
-            if abs(turned_rad) > APPROACH_OFF_RAD or beside_m > piece.length_m / 2 + AHEAD_BESIDE_M:
+            if (
+                ahead.node >= piece.node
+                or abs(turned_rad) > APPROACH_OFF_RAD
+                or beside_m > piece.length_m / 2 + AHEAD_BESIDE_M
+            ):
                 continue
             closer_m = ahead.range_m - float((line.middle - here) @ n)
             if self._come_nearer(ahead.node, piece.node, pose, n, float((here - start) @ n), closer_m):
@@ -157,7 +163,7 @@ class WallTies:
         if not graph.edges.of_kind(Kind.UPRIGHT).any():
             graph.slow[WALLS] = self._right_angles.direction_rad - first_rad
         for slot, (wall, normal_rad) in enumerate(zip(self._walls, graph.walls_rad.tolist(), strict=True)):
-            if wall.upright is None:
+            if wall.upright is None and wall.length_m >= JUDGED_WALL_M:
                 off_rad = self._off_right_angles(first_rad + normal_rad)
                 wall.upright = abs(off_rad) <= self._same_rad(self._upright, wall.node)
                 if wall.upright:
@@ -172,7 +178,8 @@ class WallTies:
         frame, last = self._trail.frames[node], self._trail.frames[since]
         drift = self._trail.errors.drift
         turned_rad, way_m = abs(frame.turned_rad - last.turned_rad), abs(frame.way_m - last.way_m)
-        return min(SAME_RAD + 2 * drift.rad_per_rad * turned_rad + drift.rad_per_m * way_m, SAME_MAX_RAD)
+        lost_rad = 2 * drift.rad_per_rad * turned_rad + drift.rad_per_m * way_m
+        return min(self._trail.errors.same_rad + lost_rad, SAME_MAX_RAD)
 
     @property
     def _square(self) -> bool:
@@ -182,10 +189,10 @@ class WallTies:
 
     def _off_right_angles(self, direction_rad: float) -> float:
         """How far a direction departs from the nearest of the walls'."""
-        return (direction_rad - self._walls_rad + pi / 4) % (pi / 2) - pi / 4
+        return (direction_rad - self._right_angles_rad + pi / 4) % (pi / 2) - pi / 4
 
     @property
-    def _walls_rad(self) -> float:
+    def _right_angles_rad(self) -> float:
         """Direction of walls at right angles in the map."""
         return float(self._trail.graph.slow[WALLS]) + self._trail.graph.pose(0).heading_rad
 

@@ -42,7 +42,7 @@ class Line:
 
 @dataclass(slots=True)
 class Wall:
-    """`node`: key frame of its newest piece; `length_m`: of all its pieces, which overlap."""
+    """A straight wall. `node`: key frame of its newest piece; `length_m`: of all its pieces, which overlap."""
 
     node: int
     length_m: float = 0.0

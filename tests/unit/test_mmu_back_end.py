@@ -97,6 +97,16 @@ def test_a_straight_hall_keeps_the_heading_of_a_gyro_that_drifts() -> None:
     assert abs(headings[-1] - headings[0]) < radians(1.0)
 
 
+def test_each_straight_wall_counts_once_among_the_right_angles() -> None:
+    back_end = BackEnd()
+    for increment in hall(0.0):
+        back_end.take(increment)
+    graph = back_end._trail.graph
+    assert sorted(np.degrees(graph.walls_rad)) == pytest.approx([-90.0, 90.0], abs=0.2)
+    assert graph.edges.of_kind(Kind.UPRIGHT).sum() == 2
+    assert graph.edges.of_kind(Kind.BEARING).sum() > 20
+
+
 def test_a_wall_off_the_right_angle_is_taken_for_none_even_after_the_robot_turned_round() -> None:
     """Then its heading is less certain, but the wall is the one that was judged before."""
     back_end = BackEnd()
@@ -108,7 +118,10 @@ def test_a_wall_off_the_right_angle_is_taken_for_none_even_after_the_robot_turne
     way_m = pieces["second"] * STEP_M
     assert upright[way_m < WAY_M].sum() > 5
     assert upright[way_m < WAY_M].all()
-    assert not upright[way_m > WAY_M + 4.0].any()
+    later = way_m > WAY_M + 4.0
+    assert len(set(pieces["slot"][later])) == 2
+    assert later.sum() > 5
+    assert not upright[later].any()
 
 
 @pytest.mark.requirement("MMU_MR_03")

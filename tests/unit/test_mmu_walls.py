@@ -56,7 +56,9 @@ NORMAL = pi / 2
 BEFORE = Line(np.array([0.0, 1.0]), NORMAL, 2.0)
 
 
-def test_a_wall_that_goes_on_is_the_same() -> None:
+def test_a_wall_that_goes_on_is_the_same_by_the_direction_of_the_wall() -> None:
+    askew = Line(BEFORE.middle, NORMAL + radians(3.0), 2.0)  # a piece whose own direction is badly known
+    assert Line(np.array([5.0, 1.1]), NORMAL, 2.0).goes_on(askew, NORMAL, radians(1.2))
     assert Line(np.array([5.0, 1.1]), NORMAL + radians(1.0), 2.0).goes_on(BEFORE, NORMAL, radians(1.2))
 
 
