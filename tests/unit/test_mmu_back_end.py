@@ -12,6 +12,7 @@ from common.geometry import FloatArray, Pose2
 from onboard.mmu.back_end import BackEnd
 from onboard.mmu.edges import Kind
 from onboard.mmu.key_frames import Increment, KeyFrame
+from onboard.mmu.pose_graph import PoseGraph
 
 STEP_M = 0.4
 WAY_M = 24.0
@@ -85,11 +86,15 @@ def askew(by_rad: float) -> list[Increment]:
     return increments
 
 
-def poses(increments: list[Increment]) -> FloatArray:
+def graph_of(increments: list[Increment]) -> PoseGraph:
     back_end = BackEnd()
     for increment in increments:
-        last = back_end.take(increment).poses
-    return last
+        back_end.take(increment)
+    return back_end._trail.graph
+
+
+def poses(increments: list[Increment]) -> FloatArray:
+    return graph_of(increments).poses
 
 
 def test_a_straight_hall_keeps_the_heading_of_a_gyro_that_drifts() -> None:
@@ -98,10 +103,7 @@ def test_a_straight_hall_keeps_the_heading_of_a_gyro_that_drifts() -> None:
 
 
 def test_each_straight_wall_counts_once_among_the_right_angles() -> None:
-    back_end = BackEnd()
-    for increment in hall(0.0):
-        back_end.take(increment)
-    graph = back_end._trail.graph
+    graph = graph_of(hall(0.0))
     assert sorted(np.degrees(graph.walls_rad)) == pytest.approx([-90.0, 90.0], abs=0.2)
     assert graph.edges.of_kind(Kind.UPRIGHT).sum() == 2
     assert graph.edges.of_kind(Kind.BEARING).sum() > 20
@@ -109,10 +111,7 @@ def test_each_straight_wall_counts_once_among_the_right_angles() -> None:
 
 def test_a_wall_off_the_right_angle_is_taken_for_none_even_after_the_robot_turned_round() -> None:
     """Then its heading is less certain, but the wall is the one that was judged before."""
-    back_end = BackEnd()
-    for increment in askew(radians(2.0)):
-        back_end.take(increment)
-    edges = back_end._trail.graph.edges
+    edges = graph_of(askew(radians(2.0))).edges
     pieces = edges.rows[edges.of_kind(Kind.BEARING)]
     upright = np.isin(pieces["slot"], edges.rows[edges.of_kind(Kind.UPRIGHT)]["slot"])
     way_m = pieces["second"] * STEP_M

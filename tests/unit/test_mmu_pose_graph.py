@@ -206,7 +206,7 @@ def test_edges_come_out_as_they_went_in_however_many_they_are() -> None:
     assert (row["first"], row["second"], row["way_m"], row["turn_rad"], row["slot"]) == (1999, 2000, 0.1, -0.2, 7)
     assert row["relative"] == pytest.approx([199.9, 0.0, 0.0])
     assert row["information"] == pytest.approx(CLOSURE)
-    walls = store.of_kind(Kind.BEARING)
-    store.keep(walls)
-    assert len(store) == walls.sum() == 333
+    bearings = store.of_kind(Kind.BEARING)
+    store.keep(bearings)
+    assert len(store) == bearings.sum() == 333
     assert store.of_kind(Kind.BEARING).all()
