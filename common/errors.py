@@ -46,6 +46,7 @@ class ErrorCode(IntEnum):
     MODULE_MISSING = 701
     OPERATOR_STOP = 702
     RECORDER_AWAY = 703
+    STOP_RECORD = 704
     # 8xx: recorder
     DISK_FULL = 801
     # 9xx: anything
@@ -85,6 +86,7 @@ ERRORS: dict[ErrorCode, ErrorInfo] = {
     ErrorCode.MODULE_MISSING: ErrorInfo("an on-robot module is missing or not ready", "see which one in the log"),
     ErrorCode.OPERATOR_STOP: ErrorInfo("stopped by an operator", "release it on purpose when the way is clear"),
     ErrorCode.RECORDER_AWAY: ErrorInfo("the laptop's recorder is away; buffering", "check the Wi-Fi"),
+    ErrorCode.STOP_RECORD: ErrorInfo("the robot's disk takes no stop record, so nothing moves", "free space on it"),
     ErrorCode.DISK_FULL: ErrorInfo("the laptop's disk takes nothing more", "free space; the recorder keeps trying"),
     ErrorCode.INTERNAL: ErrorInfo("an unexpected error; the process restarts", "report the log file"),
     ErrorCode.LATE: ErrorInfo("the process cannot keep its rate", "see what else runs on this machine"),

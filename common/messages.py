@@ -122,6 +122,13 @@ class CarrierReport:
     stop_latched: bool
     battery_v: float
     valid: bool = True
+    boot: int = 0  # of the drive commands whose ids stand above
+    board_epoch: int = 0  # the newest stop epoch that the firmware knows
+    bridge_epoch: int = 0  # the newest that the bridge received in a permit, 0 = none since its start
+    comm_life: int = 0  # of the newest permit that the bridge received
+    stop_ids: tuple[int, ...] = ()  # stops that the bridge holds and no permit has quoted yet
+    stop_names: tuple[str, ...] = ()  # their sources, in the same order
+    button_pressed: bool = False  # the robot's own stop button, right now
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +140,7 @@ class DriveCommand:
     speed: Speed
     yaw_rad: float
     valid: bool = True
+    boot: int = 0  # of the planner: a restarted one counts its commands anew; 16 bits
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +253,8 @@ class PointOfInterest:
 
 @dataclass(frozen=True, slots=True)
 class Permit:
-    """May the robot move? Granted only while every on-robot module is alive, fresh, valid and beats."""
+    """May the robot move? Granted only while every on-robot module is alive, fresh, valid and beats, and the newest
+    latched stop was released and followed by a resume."""
 
     t_s: float
     granted: bool
@@ -253,16 +262,22 @@ class Permit:
     stop_sources: tuple[str, ...] = ()  # who holds the latched stop
     valid: bool = True
     challenge: bytes = b""  # what a command must be signed over now; empty where none need be
+    stop_epoch: int = 0  # grows with every latched stop; 0: comm does not know it yet
+    stop_ids: tuple[int, ...] = ()  # the newest stops that are latched in this epoch
+    resumed: bool = True  # a resume was given since this epoch's stop was released
+    life: int = 0  # of comm: another number after each restart
 
 
 @dataclass(frozen=True, slots=True)
 class StopRequest:
-    """e-Stop command: latch (or release) the software stop. Repeated until the robot confirms."""
+    """e-Stop command: latch the software stop, or release the epoch it names. Repeated until the robot confirms."""
 
     t_s: float
     source: str
     latched: bool
     valid: bool = True
+    stop_id: int = 0  # of this press, drawn at random; its repeats carry the same
+    epoch: int = 0  # which stop is released: the `stop_epoch` that the person saw
 
 
 class Operation(Enum):
@@ -283,6 +298,7 @@ class OperatorCommand:
     y_m: float = 0.0
     valid: bool = True
     command_id: int = 0  # repeated with the same one until PlannerView acknowledges it; 0 = wants no answer
+    epoch: int = 0  # of a resume: the stop epoch after which the robot may go on
 
 
 @dataclass(frozen=True, slots=True)
@@ -452,7 +468,7 @@ RETAKE = _topic("poi/request", PoiRequest, 0.0, Stance.COMMAND, "planner recorde
 POI = _topic("poi/record", PointOfInterest, 0.0, Stance.EVENT, OFFBOARD, "lfc_poi_cm lfc_cm_vsl")
 PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner poi {OFFBOARD}", note=AT_ONCE)
 STOP = _topic("command_center/stop", StopRequest, 0.0, Stance.COMMAND, "bridge comm recorder", "lfc_cm_cc")
-OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, Stance.COMMAND, "planner recorder")
+OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, Stance.COMMAND, "planner comm recorder")
 OUTBOX = _topic(
     "comm/outbox", OutboxPiece, 0.0, Stance.BULK, "recorder", note="what the robot has for the run database"
 )

@@ -13,9 +13,24 @@ from common.errors import StartError
 from common.messages import Speed
 from onboard.bridge import protocol
 from onboard.bridge.line_protocol import LineDecoder, encode
-from onboard.bridge.protocol import STOP_BYTE, CarSta, CarState, Drv, Hb, Hello, Message, Odo, Rel, Rng, SimSta, Start
+from onboard.bridge.protocol import (
+    STOP_BYTE,
+    CarSta,
+    CarState,
+    Drv,
+    Hb,
+    Hello,
+    Message,
+    Odo,
+    Rel,
+    Rng,
+    SimSta,
+    Start,
+    Stp,
+)
 from onboard.bridge.serial_port import Port
 
+BOOT = 0  # under which its commands are known
 REPEAT_S = 0.1
 LOST_S = 0.3  # no line for this long: silent until the next HELLO
 
@@ -43,6 +58,7 @@ class BoardLink:
         self.rng: Rng | None = None
         self.sim: SimSta | None = None
         self.car: CarSta | None = None
+        self.stop_report: Stp | None = None
 
     def step(self, now_s: float) -> list[Message]:
         """Reads what has come, sends what is due; the new messages. Raises SerialLost and WrongFirmware."""
@@ -74,7 +90,7 @@ class BoardLink:
         # Above every number the board knows: it may have been driven before without a restart
         known = (self.car.command_id, self.car.completed_id, self.car.aborted_id) if self.car is not None else ()
         self._last_id = max(self._last_id, *known) + 1
-        self._command = Drv(self._last_id, int(speed), round(yaw_deg * 100.0) % 36000)
+        self._command = Drv(BOOT, self._last_id, int(speed), round(yaw_deg * 100.0) % 36000)
         self._told_s = -inf
         return self._last_id
 
@@ -84,14 +100,19 @@ class BoardLink:
         return self.car is not None and self.car.state in (CarState.READY, CarState.MOVING)
 
     @property
+    def _board_epoch(self) -> int:
+        """Of the newest stop that the board knows: the person beside it decides."""
+        return self.stop_report.epoch if self.stop_report is not None else 0
+
+    @property
     def bad_lines(self) -> int:
         return self._decoder.bad_lines
 
     def completed(self, command_id: int) -> bool:
-        return self.car is not None and self.car.completed_id == command_id
+        return self.car is not None and (self.car.boot, self.car.completed_id) == (BOOT, command_id)
 
     def aborted(self, command_id: int) -> bool:
-        return self.car is not None and self.car.aborted_id == command_id
+        return self.car is not None and (self.car.boot, self.car.aborted_id) == (BOOT, command_id)
 
     def _keep(self, message: Message) -> None:
         match message:
@@ -110,25 +131,28 @@ class BoardLink:
                 self.sim = message
             case CarSta():
                 self.car = message
+            case Stp():
+                self.stop_report = message
 
     def _forget(self) -> None:
         self.connected = False
-        self.hello = self.odo = self.rng = self.sim = self.car = None
+        self.hello = self.odo = self.rng = self.sim = self.car = self.stop_report = None
         self._command = None
 
     def _keep_moving(self, now_s: float) -> None:
         if now_s - self._beat_s >= HEARTBEAT_PERIOD_S - 1e-6:
             self._beat_s = now_s
             self._beats = (self._beats + 1) % 65536
-            self._send(Hb(self._beats), now_s)
+            self._send(Hb(self._beats, self._board_epoch), now_s)
         if self.car is None or now_s - self._told_s < REPEAT_S - 1e-6:
             return
         if self.car.stop_latched:
-            self._tell(Rel(), now_s)
+            self._tell(Rel(self._board_epoch), now_s)
         elif self.car.state == CarState.DISARMED:
-            self._tell(Start(protocol.HASH), now_s)
+            self._tell(Start(protocol.HASH, self._board_epoch), now_s)
         elif self._command is not None:
-            if self._command.command_id in (self.car.command_id, self.car.completed_id, self.car.aborted_id):
+            known = (self.car.command_id, self.car.completed_id, self.car.aborted_id)
+            if self.car.boot == BOOT and self._command.command_id in known:
                 self._command = None
             elif self.ready:
                 self._tell(self._command, now_s)

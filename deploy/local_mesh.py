@@ -32,7 +32,7 @@ from deploy.supervisor import ProcessFailed, Supervisor
 from deploy.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
-from onboard.comm.stop_latch import RECORD_NAME
+from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 from onboard.mmu.map_file import MAP_NAME
 
 SERIAL_WAIT_S = 30.0
@@ -116,9 +116,10 @@ class LocalRun:
         # A socket's path must be short, which a run folder's need not be
         self._socket_folder = tempfile.TemporaryDirectory(prefix="indoor-mapping-")
         self._frames = Path(self._socket_folder.name) / "frames"
-        left_overs = (self._serial, *(self._work / name for name in (RECORD_NAME, MAP_NAME)))
+        left_overs = (self._serial, self._work / MAP_NAME)
         for left_over in (*left_overs, *self._work.glob(f"*{STEPS_SUFFIX}")):
             left_over.unlink(missing_ok=True)
+        write_record(self._work / RECORD_NAME, StopRecord())  # a new robot, which nobody has stopped yet
         # Headless runs go side by side, and between looking for a free port and taking it another could take it
         router, page = (None, None) if options.headless else (usual_port(), VisualizerSection().port)
         self._config = Config(

@@ -22,7 +22,7 @@ from offboard.command_center import operations, software_stop
 from offboard.command_center.operations import Answer, PendingOperation
 from offboard.command_center.places import UnknownPlace, coordinates, find_place, findings_of_run, run_folder_of
 from offboard.command_center.snapshot import Finding
-from offboard.command_center.software_stop import SOURCE, Demand, StopControl
+from offboard.command_center.software_stop import Demand, StopControl
 
 CONFIRM_TIMEOUT_S = 5.0
 LINK_TIMEOUT_S = 2.0
@@ -80,16 +80,38 @@ def sent_until_confirmed(bus: ZenohBus, control: StopControl) -> StopControl:
     return control
 
 
+def press_stop(bus: ZenohBus) -> tuple[StopControl, int]:
+    """One press, sent until it is confirmed: what is left, and the number of the press."""
+    pressed = software_stop.pressed(StopControl(), time.monotonic(), software_stop.new_stop_id(secrets.randbits))
+    return sent_until_confirmed(bus, pressed), pressed.stop_id
+
+
+def ask_release(bus: ZenohBus) -> StopControl:
+    """The release of the stop that the robot reports now, sent until it is confirmed; what is left."""
+    now_s = time.monotonic()
+    report = software_stop.robot_report(bus, now_s)
+    return sent_until_confirmed(bus, software_stop.release_asked(StopControl(), report, now_s))
+
+
+def operate(bus: ZenohBus, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> Answer:
+    """One command of the operator, sent until it is taken."""
+    permit = bus.latest(PERMIT)
+    epoch = permit.stop_epoch if permit is not None else 0
+    command_id = operations.new_command_id(secrets.randbits)
+    command = OperatorCommand(time.monotonic(), operation, x_m, y_m, command_id=command_id, epoch=epoch)
+    return _repeated_until_taken(bus, PendingOperation(command, time.monotonic()))
+
+
 def _estop(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
-        control = sent_until_confirmed(bus, StopControl(Demand.STOP, time.monotonic()))
+        control, stop_id = press_stop(bus)
         if control.latency_s is not None:
             latency_ms = 1000 * control.latency_s
             print(f"Stopped: the stop is latched and the wheels stand still, confirmed in {latency_ms:.0f} ms.")
             return 0
         permit = bus.latest(PERMIT)
-        latched = permit is not None and SOURCE in permit.stop_sources
+        latched = permit is not None and stop_id in permit.stop_ids
         known = "The stop is latched, but nobody says that the wheels stand still" if latched else "Not confirmed"
         print(f"{known}: use the red button on the robot.", file=sys.stderr)
         return 1
@@ -112,7 +134,7 @@ def _release(arguments: argparse.Namespace) -> int:
         if hindrance:
             print(hindrance, file=sys.stderr)
             return 1
-        control = sent_until_confirmed(bus, StopControl(Demand.RELEASE, now_s))
+        control = ask_release(bus)
         if control.demand is Demand.RELEASE or control.release_failed:
             print("The robot did not confirm the release.", file=sys.stderr)
             return 1
@@ -127,31 +149,32 @@ def _operation(arguments: argparse.Namespace) -> int:
         _check_place(arguments.place)
     bus = _join(arguments)
     try:
-        x_m, y_m = _place(bus, arguments) if arguments.verb == "goto" else (0.0, 0.0)
-        command_id = operations.new_command_id(secrets.randbits)
-        command = OperatorCommand(time.monotonic(), Operation(arguments.verb), x_m, y_m, command_id=command_id)
-        answer = repeated_until_taken(bus, PendingOperation(command, time.monotonic()))
+        operation = Operation(arguments.verb)
+        x_m, y_m = _place(bus, arguments) if operation is Operation.GOTO else (0.0, 0.0)
+        _wait(lambda: bus.latest(PERMIT) is not None, LINK_TIMEOUT_S)
         permit = bus.latest(PERMIT)
-        sources = permit.stop_sources if permit is not None else ()
-        sentence = operations.result_sentence(arguments.verb, answer, sources)
+        hindrance = operations.hindrance(operation, permit)
+        if hindrance:
+            print(hindrance, file=sys.stderr)
+            return 1
+        answer = operate(bus, operation, x_m, y_m)
+        sentence = operations.result_sentence(arguments.verb, answer, bus.latest(PERMIT))
         print(sentence, file=sys.stdout if answer is Answer.TAKEN else sys.stderr)
         return 0 if answer is Answer.TAKEN else 1
     finally:
         bus.close()
 
 
-def repeated_until_taken(bus: ZenohBus, pending: PendingOperation) -> Answer:
+def _repeated_until_taken(bus: ZenohBus, pending: PendingOperation) -> Answer:
     """Sends the command until the planner has taken it, or nobody has answered for long."""
     answer, next_s = Answer.WAITING, 0.0
-    bus.latest(PERMIT)
     while answer is Answer.WAITING:
         now_s = time.monotonic()
         if now_s >= next_s:
             next_s = now_s + operations.REPEAT_S
             bus.publish(OPERATION, pending.command)
         time.sleep(_POLL_S)
-        view = bus.latest(PLAN)
-        answer = pending.answer(view.command_id if view is not None else None, time.monotonic())
+        answer = pending.answer(bus.latest(PLAN), bus.latest(PERMIT), time.monotonic())
     return answer
 
 

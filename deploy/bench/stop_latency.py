@@ -18,18 +18,19 @@ from pathlib import Path
 from common.clock import FreeClock
 from common.config import BridgeSection, Config, MeshSection, config_text
 from common.constants import STARTUP_GRACE_S
-from common.messages import PERMIT, POI, POSE, Operation, OperatorCommand, PointOfInterest
+from common.messages import PERMIT, POI, POSE, Operation, PointOfInterest
 from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
 from deploy.bench.relay import Relay
 from deploy.local_mesh import free_port
-from deploy.operator_verbs import repeated_until_taken, sent_until_confirmed
+from deploy.operator_verbs import ask_release, operate, press_stop
 from deploy.process_table import BY_NAME
 from deploy.supervisor import Supervisor
-from offboard.command_center.operations import Answer, PendingOperation, new_command_id
-from offboard.command_center.software_stop import Demand, StopControl
+from offboard.command_center.operations import Answer
+from offboard.command_center.software_stop import Demand
 from offboard.simulator.options import floor_path
 from offboard.simulator.process import MOTORS_NAME
+from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 
 RATE_BYTES_S = 2_000_000
 PHOTO_BYTES = 100_000
@@ -100,6 +101,7 @@ class StopMesh:
         self.laptop = replace(self.robot, mesh=MeshSection(laptop_router, laptop_router))
         self._motors = folder / MOTORS_NAME
         self._supervisor = Supervisor(folder)
+        write_record(folder / RECORD_NAME, StopRecord())
         (folder / "robot.toml").write_text(config_text(self.robot), encoding="utf-8")
         (folder / "laptop.toml").write_text(config_text(across), encoding="utf-8")
         common = ["--config", str(folder / "robot.toml"), "--log-dir", str(folder)]
@@ -140,9 +142,7 @@ class StopMesh:
 
     def drive(self, operation: Operation) -> None:
         """Until the motors turn."""
-        until(self._granted, _WAIT_S, "the permit")
-        command = OperatorCommand(time.monotonic(), operation, command_id=new_command_id(secrets.randbits))
-        if repeated_until_taken(self._operator, PendingOperation(command, time.monotonic())) is not Answer.TAKEN:
+        if operate(self._operator, operation) is not Answer.TAKEN:
             raise BenchFailed(f"the planner did not take the {operation.value}")
         until(lambda: self.motors()[-1][1], _WAIT_S, "driving")
 
@@ -153,13 +153,13 @@ class StopMesh:
         """
         until(lambda: self.motors()[-1][1], _WAIT_S, "driving")
         pressed_s = time.monotonic()
-        control = sent_until_confirmed(self._operator, StopControl(Demand.STOP, pressed_s))
+        control, _ = press_stop(self._operator)
         if control.latency_s is None:
             raise BenchFailed("the robot did not confirm the stop")
         return next((t_s - pressed_s for t_s, _, off in self.motors() if off and t_s > pressed_s), None)
 
     def release(self) -> None:
-        control = sent_until_confirmed(self._operator, StopControl(Demand.RELEASE, time.monotonic()))
+        control = ask_release(self._operator)
         if control.demand is not Demand.NONE or control.release_failed:
             raise BenchFailed("the robot did not confirm the release")
 

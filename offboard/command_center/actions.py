@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from textual.widgets import Input, TextArea
 
 from common.messages import Operation
+from offboard.command_center import operations
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.screens.help import HelpScreen
 from offboard.command_center.screens.main import MainScreen
@@ -76,6 +77,10 @@ class OperatorActions(AppBase):
 
     def action_operate(self, name: str) -> None:
         operation = Operation(name)
+        hindrance = operations.hindrance(operation, self.node.snapshot().permit)
+        if hindrance:
+            self.notify(hindrance, title=f"No {name}", severity="warning", markup=False)
+            return
         if operation not in _QUESTIONS:
             self.node.operate(operation)
             return

@@ -159,8 +159,11 @@ class CommandCenter:
     def operate(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
         """Ask the Planner for something; a newer wish replaces one that is not taken yet."""
         now_s = self._clock()
-        command = OperatorCommand(now_s, operation, x_m, y_m, command_id=operations.new_command_id(secrets.randbits))
         with self._lock:
+            permit = self._snapshot.permit
+            epoch = permit.stop_epoch if permit is not None else 0
+            command_id = operations.new_command_id(secrets.randbits)
+            command = OperatorCommand(now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch)
             serial = self._result.serial + 1 if self._result is not None else 1
             self._pending, self._pending_due_s = PendingOperation(command, now_s), now_s
             self._result = OperationResult(serial, operation.value, Answer.WAITING, "")
@@ -212,15 +215,14 @@ class CommandCenter:
         view: PlannerView | None = bus.latest(PLAN)
         if self._pending is None or self._result is None:
             return
-        answer = self._pending.answer(view.command_id if view is not None else None, now_s)
+        permit = bus.latest(PERMIT)
+        answer = self._pending.answer(view, permit, now_s)
         if answer is Answer.WAITING:
             if now_s >= self._pending_due_s:
                 self._pending_due_s = now_s + operations.REPEAT_S
                 bus.publish(OPERATION, self._pending.command)
             return
-        permit = bus.latest(PERMIT)
-        sources = permit.stop_sources if permit is not None else ()
-        sentence = operations.result_sentence(self._result.operation, answer, sources)
+        sentence = operations.result_sentence(self._result.operation, answer, permit)
         self._result = replace(self._result, answer=answer, sentence=sentence)
         self._pending = None
         _log.info("operation=%s answer=%s", self._result.operation, answer.name)

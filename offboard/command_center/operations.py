@@ -1,7 +1,8 @@
 """What the operator asks of the mission, repeated until the Planner says that it took it. Pure.
 
 For the Command Center and the verbs `start`, `pause`, `resume`, `home`, `goto`: `OPERATION` out every REPEAT_S, the
-acknowledgement back as `PlannerView.command_id`.
+acknowledgement back as `PlannerView.command_id`. A resume names the stop after which the robot may go on; it is taken
+once the permit says so too.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from common.messages import OperatorCommand
+from common.messages import Operation, OperatorCommand, Permit, PlannerView
 
 REPEAT_S = 0.1
 ANSWER_TIMEOUT_S = 3.0
@@ -30,11 +31,16 @@ class PendingOperation:
     command: OperatorCommand
     since_s: float
 
-    def answer(self, acknowledged_id: int | None, now_s: float) -> Answer:
-        """`acknowledged_id`: of the Planner's newest view, None where none came."""
-        if acknowledged_id == self.command.command_id:
+    def answer(self, view: PlannerView | None, permit: Permit | None, now_s: float) -> Answer:
+        """With the newest view and permit, None where none came."""
+        acknowledged = view is not None and view.command_id == self.command.command_id
+        if acknowledged and (self.command.operation is not Operation.RESUME or _resumed(self.command, permit)):
             return Answer.TAKEN
         return Answer.NONE if now_s - self.since_s > ANSWER_TIMEOUT_S else Answer.WAITING
+
+
+def _resumed(command: OperatorCommand, permit: Permit | None) -> bool:
+    return permit is not None and permit.resumed and permit.stop_epoch == command.epoch
 
 
 def new_command_id(random_bits: Callable[[int], int]) -> int:
@@ -42,10 +48,18 @@ def new_command_id(random_bits: Callable[[int], int]) -> int:
     return random_bits(_COMMAND_ID_BITS) or 1
 
 
-def result_sentence(operation: str, answer: Answer, stop_sources: tuple[str, ...]) -> str:
+def hindrance(operation: Operation, permit: Permit | None) -> str:
+    """Why it would not be taken now, as one sentence; empty where it may be."""
+    if operation is Operation.RESUME and permit is not None and permit.stop_sources:
+        return f"The robot is {permit.reason}: release the stop first, then resume."
+    return ""
+
+
+def result_sentence(operation: str, answer: Answer, permit: Permit | None) -> str:
     """What a person is told about a command that is over."""
-    if answer is not Answer.TAKEN:
-        return f"Nobody answered the {operation}: is the planner running?"
-    if stop_sources:
-        return f"The planner took the {operation}, but the robot stands: stopped by {', '.join(stop_sources)}."
-    return f"The planner took the {operation}."
+    held = permit.reason if permit is not None and (permit.stop_sources or not permit.resumed) else ""
+    if answer is Answer.TAKEN:
+        return f"The planner took the {operation}{f', but the robot stands: {held}' if held else ''}."
+    if held and operation == Operation.RESUME.value:
+        return f"The robot did not take the resume: {held}."
+    return f"Nobody answered the {operation}: is the planner running?"

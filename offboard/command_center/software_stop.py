@@ -1,22 +1,26 @@
 """The operator's side of the software stop, for the Command Center and the verbs `estop` and `release`. Pure.
 
-A demand stands until the robot confirms it: `request` says what to send meanwhile, every REPEAT_S. The robot owns the
-latch; what it reports with its age (`RobotReport`), and not what was sent, decides what a person sees (`look`).
+A demand stands until the robot confirms it: `request` says what to send meanwhile, every REPEAT_S. A press has a number
+of its own, which the permit quotes once it is latched; a release names the epoch that the person saw. The robot owns
+the stop; what it reports with its age (`RobotReport`), and not what was sent, decides what a person sees (`look`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import inf
 
 from common.bus import Bus
-from common.messages import ODOMETRY, PERMIT, StopRequest
+from common.messages import CARRIER, ODOMETRY, PERMIT, StopRequest
 
 SOURCE = "operator"
 REPEAT_S = 0.02  # the first word of a program that has just joined may get lost
 LINK_LOST_S = 1.0
 RELEASE_TIMEOUT_S = 5.0
+STANDING_M_S = 0.01
+_STOP_ID_BITS = 62
 
 
 class Demand(Enum):
@@ -31,6 +35,7 @@ class Look(Enum):
     IDLE = "no stop"
     SENT = "sent, not confirmed"
     LATCHED = "the robot holds it"
+    RELEASED = "released, nothing moves before a resume"
     LINK_LOST = "nothing is heard of the robot"
 
 
@@ -43,6 +48,12 @@ class RobotReport:
     standing: bool = False
     speed_m_s: float = 0.0
     odometry_s: float = -inf
+    stop_epoch: int = 0  # of comm
+    stop_ids: tuple[int, ...] = ()
+    resumed: bool = True
+    board_epoch: int = 0  # the newest stop that the board knows
+    board_stands: bool = False  # its motors are off and its wheels at rest, said with that epoch
+    button_pressed: bool = False
 
     def linked(self, now_s: float) -> bool:
         """comm, through which the robot speaks, was heard a moment ago."""
@@ -60,34 +71,46 @@ class StopControl:
     since_s: float = 0.0
     latency_s: float | None = None  # from the press to the confirmation, of the stop that is latched now
     release_failed: bool = False
+    stop_id: int = 0  # of the press
+    epoch: int = 0  # what shall be released
+
+
+def new_stop_id(random_bits: Callable[[int], int]) -> int:
+    """Of a press, drawn at random, so that several senders do not meet."""
+    return random_bits(_STOP_ID_BITS)
 
 
 def robot_report(bus: Bus, now_s: float) -> RobotReport:
     """The report as the newest messages give it."""
-    permit, odometry = bus.latest(PERMIT), bus.latest(ODOMETRY)
-    return RobotReport(
-        stop_sources=permit.stop_sources if permit is not None else (),
-        permit_s=now_s - bus.age_s(PERMIT),
-        standing=odometry is not None and odometry.standing,
-        speed_m_s=odometry.speed_m_s if odometry is not None else 0.0,
-        odometry_s=now_s - bus.age_s(ODOMETRY),
-    )
+    permit, odometry, carrier = bus.latest(PERMIT), bus.latest(ODOMETRY), bus.latest(CARRIER)
+    report = RobotReport(permit_s=now_s - bus.age_s(PERMIT), odometry_s=now_s - bus.age_s(ODOMETRY))
+    if permit is not None:
+        report = replace(
+            report,
+            stop_sources=permit.stop_sources,
+            stop_epoch=permit.stop_epoch,
+            stop_ids=permit.stop_ids,
+            resumed=permit.resumed,
+        )
+    if odometry is not None:
+        report = replace(report, standing=odometry.standing, speed_m_s=odometry.speed_m_s)
+    if carrier is not None:
+        stands = not carrier.enabled and abs(carrier.speed_m_s) < STANDING_M_S
+        report = replace(
+            report, board_epoch=carrier.board_epoch, board_stands=stands, button_pressed=carrier.button_pressed
+        )
+    return report
 
 
-def confirmed(report: RobotReport, since_s: float) -> bool:
-    """Latched by the operator and the wheels at rest, both said after `since_s`."""
-    latched = report.permit_s > since_s and SOURCE in report.stop_sources
-    return latched and report.odometry_s > since_s and report.standing
+def confirmed(report: RobotReport, control: StopControl) -> bool:
+    """comm has latched this very press, the board knows that stop, and the wheels are at rest since."""
+    latched = control.stop_id in report.stop_ids and 0 < report.stop_epoch <= report.board_epoch
+    return latched and report.board_stands and report.standing and report.odometry_s > control.since_s
 
 
-def pressed(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
-    """Somebody wants the robot to stop. To press again changes nothing: not the latency, not a confirmed stop."""
-    if control.demand is Demand.STOP:
-        return control
-    stopped = report.linked(now_s) and report.wheels_known(now_s) and confirmed(report, -inf)
-    if control.demand is Demand.NONE and stopped:
-        return control
-    return StopControl(Demand.STOP, now_s)
+def pressed(control: StopControl, now_s: float, stop_id: int) -> StopControl:
+    """Somebody wants the robot to stop, whatever is known of it; a press that is still being sent goes on as it was."""
+    return control if control.demand is Demand.STOP else StopControl(Demand.STOP, now_s, stop_id=stop_id)
 
 
 def release_hindrance(control: StopControl, report: RobotReport, now_s: float) -> str:
@@ -96,32 +119,33 @@ def release_hindrance(control: StopControl, report: RobotReport, now_s: float) -
         return "The robot is not heard: wait until the link is back."
     if control.demand is Demand.STOP:
         return "The stop is not confirmed yet: wait until it is."
-    others = [source for source in report.stop_sources if source != SOURCE]
-    if others:
-        return f"The robot is also stopped by {', '.join(others)}: clear that first."
-    if SOURCE not in report.stop_sources:
-        return "No stop of the operator is latched."
+    if not report.stop_sources:
+        return "No stop is latched."
+    if report.stop_epoch == 0:
+        return "The robot's programs are just starting: try again in a moment."
+    if report.button_pressed:
+        return "The button on the robot is pressed: let it out first."
     return ""
 
 
 def release_asked(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
-    """Somebody wants the operator's stop released; nothing changes where that must not be."""
+    """Somebody wants the stop that is seen released; nothing changes where that must not be."""
     if control.demand is Demand.RELEASE or release_hindrance(control, report, now_s):
         return control
-    return StopControl(Demand.RELEASE, now_s)
+    return StopControl(Demand.RELEASE, now_s, epoch=report.stop_epoch)
 
 
 def heard(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
     """The demand in the light of the robot's newest words."""
-    if control.demand is Demand.STOP and confirmed(report, control.since_s):
+    if control.demand is Demand.STOP and confirmed(report, control):
         return StopControl(latency_s=max(report.permit_s, report.odometry_s) - control.since_s)
     if control.demand is Demand.RELEASE:
-        if report.permit_s > control.since_s and SOURCE not in report.stop_sources:
+        if report.stop_epoch == control.epoch and not report.stop_sources:
             return StopControl()
-        if now_s - control.since_s > RELEASE_TIMEOUT_S:
+        if report.stop_epoch > control.epoch or now_s - control.since_s > RELEASE_TIMEOUT_S:
             return StopControl(release_failed=True)
     if control.demand is Demand.NONE and control.latency_s is not None:
-        gone = report.linked(now_s) and SOURCE not in report.stop_sources
+        gone = report.linked(now_s) and not report.stop_sources
         return replace(control, latency_s=None) if gone else control
     return control
 
@@ -130,7 +154,8 @@ def request(control: StopControl, now_s: float) -> StopRequest | None:
     """What to send, now and every REPEAT_S; None where nothing is demanded."""
     if control.demand is Demand.NONE:
         return None
-    return StopRequest(now_s, SOURCE, latched=control.demand is Demand.STOP)
+    latched = control.demand is Demand.STOP
+    return StopRequest(now_s, SOURCE, latched, stop_id=control.stop_id, epoch=control.epoch)
 
 
 def look(control: StopControl, report: RobotReport, now_s: float) -> Look:
@@ -139,4 +164,6 @@ def look(control: StopControl, report: RobotReport, now_s: float) -> Look:
         return Look.LINK_LOST
     if control.demand is Demand.STOP:
         return Look.SENT
-    return Look.LATCHED if report.stop_sources else Look.IDLE
+    if report.stop_sources:
+        return Look.LATCHED
+    return Look.IDLE if report.resumed else Look.RELEASED

@@ -6,6 +6,7 @@ The sender has a thread of its own so that nothing that the node or the screen i
 from __future__ import annotations
 
 import logging
+import secrets
 import threading
 from collections.abc import Callable
 
@@ -17,6 +18,7 @@ from offboard.command_center.software_stop import (
     RobotReport,
     StopControl,
     heard,
+    new_stop_id,
     pressed,
     release_asked,
     release_hindrance,
@@ -44,7 +46,7 @@ class StopDesk:
     def press(self) -> None:
         with self._lock:
             before = self._control
-            self._control = pressed(before, self._report, self._clock())
+            self._control = pressed(before, self._clock(), new_stop_id(secrets.randbits))
             new = self._control is not before
         if new:
             self.changed.set()

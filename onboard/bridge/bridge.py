@@ -11,6 +11,7 @@ import argparse
 import logging
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from enum import Enum
 
 from common.bus import Bus
@@ -25,8 +26,6 @@ from onboard.bridge.line_protocol import LineDecoder, Received, encode
 from onboard.bridge.motion_gate import MotionGate
 from onboard.bridge.protocol import (
     STOP_BYTE,
-    Ack,
-    AckResult,
     CarSta,
     CarState,
     Dst,
@@ -39,6 +38,8 @@ from onboard.bridge.protocol import (
     SimSta,
     SimState,
     Start,
+    Stop,
+    Stp,
 )
 from onboard.bridge.serial_port import Port, SerialLost, SerialPort
 
@@ -99,15 +100,17 @@ class Bridge:
         self._may_move = False
         self._sim: SimSta | None = None
         self._car: CarSta | None = None
+        self._stop: Stp | None = None
         self._beats = {"sim": 0, "car": 0}
         self._told: dict[str, tuple[str, int]] = {}
         # A little less than the period: the board's own beat decides, not the jitter of the line
         self._car_pace, self._car_error = StatusPace(), 0
         self._drive: DriveCommand | None = None
-        self._dropped_id: int | None = None
+        self._dropped: tuple[int, int] | None = None  # boot and id of the command that must not be begun any more
         self._heartbeat = _Pace(HEARTBEAT_PERIOD_S)
         self._heartbeats = 0
         self._stopping, self._arming, self._driving = _Pace(REPEAT_S), _Pace(REPEAT_S), _Pace(REPEAT_S)
+        self._teaching = _Pace(REPEAT_S)
         self._noise: deque[tuple[float, int]] = deque([(float("-inf"), 0)])
         self._status = StatusReporter(self.name)
 
@@ -151,18 +154,18 @@ class Bridge:
             self._forget_drive()
 
     def _take_drive(self, command: DriveCommand) -> None:
-        known = self._drive is not None and self._drive.command_id == command.command_id
-        if known or command.command_id == self._dropped_id:
+        """What repeats the command in force keeps its pace; a command to stand is held back by nothing else."""
+        if self._drive is not None and replace(command, t_s=self._drive.t_s) == self._drive:
             return
-        if not command.valid and command.speed is not Speed.STOP:
-            return
-        self._drive = command
-        self._driving.reset()
+        sound = command.valid and (command.boot, command.command_id) != self._dropped
+        if command.speed is Speed.STOP or sound:
+            self._drive = command
+            self._driving.reset()
 
     def _forget_drive(self) -> None:
         """Neither a release nor a board that is back starts motion by itself: that takes another command."""
         if self._drive is not None:
-            self._dropped_id = self._drive.command_id
+            self._dropped = self._drive.boot, self._drive.command_id
         self._drive = None
 
     def _send_stop(self, now_s: float) -> None:
@@ -210,7 +213,7 @@ class Bridge:
         self._forget_board()
 
     def _forget_board(self) -> None:
-        self._sim = self._car = None
+        self._sim = self._car = self._stop = None
         self._session = -1
         self._forget_drive()
 
@@ -259,16 +262,24 @@ class Bridge:
             case CarSta():
                 self._car = message
                 self._beats["car"] += 1
-                self._gate.board_latched(message.stop_latched)
-                bus.publish(CARRIER, translation.carrier_report(message, t_s))
+                self._publish_carrier(bus, t_s)
                 # The Carrier reports every new drive command too, which is no news of its state
                 self._tell("car", CarState(message.state).name, message.error)
                 urgent, self._car_error = message.error != self._car_error, message.error
                 if self._car_pace.due(t_s, urgent):
                     free_ram = self._sim.free_ram if self._sim is not None else 0
                     bus.publish(STATUS["car"], translation.car_status(message, t_s, self._beats["car"], free_ram))
-            case Ack(of, _, result) if of == protocol.NUMBER[Rel] and result == AckResult.REFUSED:
-                self._gate.release_refused()
+
+            case Stp():
+                news, self._stop = message != self._stop, message
+                self._gate.board(self._session, message)
+                if news:
+                    self._publish_carrier(bus, t_s)
+
+    def _publish_carrier(self, bus: Bus, t_s: float) -> None:
+        """Once both halves of it are known."""
+        if self._car is not None and self._stop is not None:
+            bus.publish(CARRIER, translation.carrier_report(self._car, self._stop, t_s, self._gate))
 
     def _tell(self, module: str, state: str, error: int) -> None:
         """Log what is new."""
@@ -279,25 +290,39 @@ class Bridge:
     # --- to the board
 
     def _command(self, now_s: float) -> None:
-        car = self._car
+        car, epoch = self._car, self._gate.epoch
         if not self._may_move:
-            wanted = bool(self._gate.stop_sources) or (car is not None and car.state in _WORKING)
-            if car is not None and wanted and not car.stop_latched:
-                self._send_stop(now_s)
+            if car is not None and self._stop is not None:
+                self._hold(car, self._stop, now_s)
             return
         if self._heartbeat.due(now_s):
             self._heartbeats += 1
-            self._send(Hb(self._heartbeats % 65536), now_s)
+            self._send(Hb(self._heartbeats % 65536, epoch), now_s)
         if car is None:
             return
         if car.stop_latched and self._arming.due(now_s):
-            self._send(Rel(), now_s)
+            self._send(Rel(epoch), now_s)
         elif car.state == CarState.DISARMED and self._arming.due(now_s):
-            self._send(Start(protocol.HASH), now_s)
-        elif car.state in _WORKING and self._drive is not None:
-            answered = self._drive.command_id in (car.command_id, car.aborted_id)
-            if not answered and self._driving.due(now_s):
-                self._send(translation.drive_line(self._drive), now_s)
+            self._send(Start(protocol.HASH, epoch), now_s)
+        elif (command := self._undelivered(car)) is not None and self._driving.due(now_s):
+            self._send(translation.drive_line(command), now_s)
+
+    def _undelivered(self, car: CarSta) -> DriveCommand | None:
+        """What a working board neither has nor has given up; a command to stand is given up by nobody."""
+        command = self._drive
+        if command is None or car.state not in _WORKING:
+            return None
+        given_up = car.aborted_id == command.command_id and command.speed is not Speed.STOP
+        known = car.boot == command.boot and (car.command_id == command.command_id or given_up)
+        return None if known else command
+
+    def _hold(self, car: CarSta, stop: Stp, now_s: float) -> None:
+        """The board stands, and knows the newest stop too."""
+        stopped = bool(self._gate.stop_sources)
+        if (stopped or car.state in _WORKING) and not car.stop_latched:
+            self._send_stop(now_s)
+        if stopped and stop.epoch < self._gate.epoch and self._teaching.due(now_s):
+            self._send(Stop(self._gate.epoch), now_s)
 
     def _send(self, message: Message, now_s: float) -> None:
         assert self._started_s is not None

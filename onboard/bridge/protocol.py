@@ -5,8 +5,8 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-VERSION = 1
-HASH = 0xF657
+VERSION = 2
+HASH = 0x10A1
 STOP_BYTE = b"\x18"
 MAX_LINE = 120
 
@@ -45,6 +45,7 @@ class OdoFlag(IntFlag):
 class StopSourceFlag(IntFlag):
     LINE = 1
     BUTTON = 2
+    PRESSED = 4
 
 
 class ResetCause(IntEnum):
@@ -115,6 +116,7 @@ class CarSta(NamedTuple):
 
     state: int  # car_state
     error: int  # common/errors.py
+    boot: int  # of the commands that follow
     command_id: int  # in force, 0 = none
     completed_id: int  # the newest one whose heading was reached
     aborted_id: int  # the newest one given up
@@ -125,6 +127,14 @@ class CarSta(NamedTuple):
     stop_latched: int  # stop_source bits
     battery_mv: int  # mV
     backing_off: int
+
+
+class Stp(NamedTuple):
+    """CAR -> CM, 10 Hz and at once on change."""
+
+    latched: int  # stop_source bits
+    epoch: int  # of the newest stop that is known, 0 = none since the restart
+    button_count: int  # how often the button was pressed since the restart
 
 
 class Ack(NamedTuple):
@@ -139,31 +149,38 @@ class Start(NamedTuple):
     """CM -> CAR, after HELLO, when the robot may move."""
 
     hash: int  # another one than the board's is refused
+    epoch: int  # an older one than the board's is refused
 
 
 class Hb(NamedTuple):
     """CM -> CAR, 10 Hz while the robot may move."""
 
     seq: int
+    epoch: int  # of the permit; an older one than the board's is no heartbeat
 
 
 class Drv(NamedTuple):
     """PLN -> CAR, on a new command, then 10 Hz until it is in force."""
 
+    boot: int  # of the planner, which counts its commands anew
     command_id: int
     speed: int  # REVERSE, STOP, MEDIUM, HIGH
     yaw_cdeg: int  # 0.01 deg
 
 
 class Stop(NamedTuple):
-    """CM -> CAR, like the stop byte."""
+    """CM -> CAR, like the stop byte, and until the board knows the epoch."""
+
+    epoch: int
 
 
 class Rel(NamedTuple):
     """CM -> CAR, releases the latched stop; moves nothing."""
 
+    epoch: int  # an older one than the board's is refused
 
-Message = Hello | Odo | Rng | Dst | SimSta | CarSta | Ack | Start | Hb | Drv | Stop | Rel
+
+Message = Hello | Odo | Rng | Dst | SimSta | CarSta | Stp | Ack | Start | Hb | Drv | Stop | Rel
 
 # (sender, receiver, type) and fields of each message
 LAYOUT: dict[type[Message], tuple[str, str, str, tuple[FieldSpec, ...]]] = {
@@ -235,6 +252,7 @@ LAYOUT: dict[type[Message], tuple[str, str, str, tuple[FieldSpec, ...]]] = {
         (
             FieldSpec("state", 1, 0, 6),
             FieldSpec("error", 1, 0, 999),
+            FieldSpec("boot", 1, 0, 65535),
             FieldSpec("command_id", 1, 0, 2147483647),
             FieldSpec("completed_id", 1, 0, 2147483647),
             FieldSpec("aborted_id", 1, 0, 2147483647),
@@ -245,6 +263,16 @@ LAYOUT: dict[type[Message], tuple[str, str, str, tuple[FieldSpec, ...]]] = {
             FieldSpec("stop_latched", 1, 0, 3),
             FieldSpec("battery_mv", 1, 0, 65535),
             FieldSpec("backing_off", 1, 0, 1),
+        ),
+    ),
+    Stp: (
+        "CAR",
+        "CM",
+        "STP",
+        (
+            FieldSpec("latched", 1, 0, 7),
+            FieldSpec("epoch", 1, 0, 2147483647),
+            FieldSpec("button_count", 1, 0, 65535),
         ),
     ),
     Ack: (
@@ -261,19 +289,26 @@ LAYOUT: dict[type[Message], tuple[str, str, str, tuple[FieldSpec, ...]]] = {
         "CM",
         "CAR",
         "START",
-        (FieldSpec("hash", 1, 0, 65535),),
+        (
+            FieldSpec("hash", 1, 0, 65535),
+            FieldSpec("epoch", 1, 0, 2147483647),
+        ),
     ),
     Hb: (
         "CM",
         "CAR",
         "HB",
-        (FieldSpec("seq", 1, 0, 65535),),
+        (
+            FieldSpec("seq", 1, 0, 65535),
+            FieldSpec("epoch", 1, 0, 2147483647),
+        ),
     ),
     Drv: (
         "PLN",
         "CAR",
         "DRV",
         (
+            FieldSpec("boot", 1, 0, 65535),
             FieldSpec("command_id", 1, 1, 2147483647),
             FieldSpec("speed", 1, -1, 2),
             FieldSpec("yaw_cdeg", 1, 0, 35999),
@@ -283,13 +318,13 @@ LAYOUT: dict[type[Message], tuple[str, str, str, tuple[FieldSpec, ...]]] = {
         "CM",
         "CAR",
         "STOP",
-        (),
+        (FieldSpec("epoch", 1, 0, 2147483647),),
     ),
     Rel: (
         "CM",
         "CAR",
         "REL",
-        (),
+        (FieldSpec("epoch", 1, 0, 2147483647),),
     ),
 }
 

@@ -16,7 +16,8 @@ from common.messages import (
     Ranges,
     Status,
 )
-from onboard.bridge.protocol import CarSta, CarState, Drv, Dst, Odo, OdoFlag, Rng, SimSta, SimState
+from onboard.bridge.motion_gate import MotionGate
+from onboard.bridge.protocol import CarSta, CarState, Drv, Dst, Odo, OdoFlag, Rng, SimSta, SimState, StopSourceFlag, Stp
 
 _STATES = {
     CarState.BOOT: CarrierState.BOOT,
@@ -65,7 +66,8 @@ def distances(dst: Dst, t_s: float) -> Distances:
     return Distances(t_s, left_m, right_m, front_m)
 
 
-def carrier_report(sta: CarSta, t_s: float) -> CarrierReport:
+def carrier_report(sta: CarSta, stop: Stp, t_s: float, gate: MotionGate) -> CarrierReport:
+    held = gate.held
     return CarrierReport(
         t_s=t_s,
         state=_STATES[CarState(sta.state)],
@@ -78,6 +80,13 @@ def carrier_report(sta: CarSta, t_s: float) -> CarrierReport:
         enabled=bool(sta.enabled),
         stop_latched=bool(sta.stop_latched),
         battery_v=sta.battery_mv / 1000.0,
+        boot=sta.boot,
+        board_epoch=stop.epoch,
+        bridge_epoch=gate.permit_epoch,
+        comm_life=gate.life,
+        stop_ids=tuple(held),
+        stop_names=tuple(held.values()),
+        button_pressed=bool(stop.latched & StopSourceFlag.PRESSED),
     )
 
 
@@ -103,4 +112,5 @@ def car_status(sta: CarSta, t_s: float, beats: int, free_ram: int) -> Status:
 
 
 def drive_line(command: DriveCommand) -> Drv:
-    return Drv(command.command_id, int(command.speed), round(degrees(command.yaw_rad) * 100.0) % 36000)
+    yaw_cdeg = round(degrees(command.yaw_rad) * 100.0) % 36000
+    return Drv(command.boot, command.command_id, int(command.speed), yaw_cdeg)

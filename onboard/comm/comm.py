@@ -1,4 +1,4 @@
-"""The Communication Module: `STATUS[*]`, tokens, `STOP` -> `PERMIT` at 10 Hz and at once on change.
+"""The Communication Module: `STATUS[*]`, tokens, `STOP`, `CARRIER`, resumes -> `PERMIT` at 10 Hz and on change.
 
 Its process is the Zenoh router of the BeagleBone. Nothing here waits: a permit that comes late stops the robot.
 """
@@ -10,21 +10,27 @@ import logging
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from common.bus import Bus
 from common.config import CommSection, Config
 from common.constants import PERMIT_RATE_HZ
-from common.errors import ErrorCode
-from common.messages import PERMIT, STATUS, STOP, Permit
+from common.errors import ErrorCode, StartError
+from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit
 from common.signing import CHALLENGE_BYTES, CHALLENGE_PERIOD_S
 from common.status import StatusReporter
+from onboard.comm import stop_owner
 from onboard.comm.outbox import FILE_NAME, Outbox
-from onboard.comm.stop_latch import RECORD_NAME, StopLatch, load_latch, save_latch
+from onboard.comm.stop_keeper import StopKeeper
+from onboard.comm.stop_owner import BridgeWord, Phase
+from onboard.comm.stop_record import RECORD_NAME, Stop
 from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, watch
 
 OFFBOARD_WATCHED = "recorder"
+BRIDGE = "bridge"
+LIFE_BITS = 53
 
 _log = logging.getLogger("comm")
 
@@ -43,7 +49,7 @@ class _Beat:
 
 
 class Comm:
-    """The node. `latch_record` is the file by which a stop outlives a restart of this process, None for none.
+    """The node. `stops` keeps the stop over restarts; without it the robot forgets it with this process.
 
     `outbox` takes what goes to the recorder; without one nothing does. `new_challenge` draws what commands are signed
     over; without one none need be signed.
@@ -55,13 +61,12 @@ class Comm:
     def __init__(
         self,
         settings: CommSection,
-        latch_record: Path | None = None,
+        stops: StopKeeper | None = None,
         outbox: Outbox | None = None,
         new_challenge: Callable[[], bytes] | None = None,
     ) -> None:
         self._settings = settings
-        self._latch_record = latch_record
-        self._latch = load_latch(latch_record) if latch_record else StopLatch()
+        self._stops = stops or StopKeeper(None)
         self._outbox = outbox
         self._watchdog: WatchdogState | None = None
         self._beats: dict[str, _Beat] = {}
@@ -73,25 +78,35 @@ class Comm:
         self._status = StatusReporter(self.name)
 
     def step(self, bus: Bus, now_s: float) -> None:
-        before = self._latch
-        for request in bus.take(STOP):
-            self._latch = self._latch.after(request)
+        self._take_stops(bus)
         tokens = bus.alive_tokens() if isinstance(bus, TokenBus) else None
         verdict = self._watch(bus, now_s, tokens)
         self._publish_permit(bus, now_s, verdict)
         recorder_away = tokens is not None and OFFBOARD_WATCHED not in tokens
         self._report(bus, now_s, verdict, recorder_away)
-        # After the permit: the disk may take its time
-        if self._latch != before:
-            _log.info("stop sources=%s", sorted(self._latch.sources))
-            if self._latch_record:
-                save_latch(self._latch_record, self._latch)
+        self._stops.step(now_s)
         if self._outbox is not None:
             self._outbox.step(bus, now_s)
 
     def close(self) -> None:
+        self._stops.close()
         if self._outbox is not None:
             self._outbox.close()
+
+    def _take_stops(self, bus: Bus) -> None:
+        """Whatever stops, releases and resumes. Any request to stop counts, to release only a valid one."""
+        for request in bus.take(STOP):
+            if request.latched:
+                self._stops.change(partial(stop_owner.press, stop=Stop(request.source, request.stop_id)))
+            elif request.valid:
+                self._stops.change(partial(stop_owner.release, epoch=request.epoch))
+        for command in bus.take(OPERATION):
+            if command.operation is Operation.RESUME and command.valid:
+                self._stops.change(partial(stop_owner.resume, epoch=command.epoch))
+        for report in bus.take(CARRIER):
+            stops = tuple(map(Stop, report.stop_names, report.stop_ids))
+            word = BridgeWord(report.comm_life, report.bridge_epoch, report.board_epoch, stops, report.button_pressed)
+            self._stops.change(partial(stop_owner.heard, word=word))
 
     def _watch(self, bus: Bus, now_s: float, tokens: frozenset[str] | None) -> Verdict:
         required = self._settings.required
@@ -116,11 +131,21 @@ class Comm:
         )
 
     def _publish_permit(self, bus: Bus, now_s: float, verdict: Verdict) -> None:
-        sources = tuple(sorted(self._latch.sources))
-        reason = f"stopped by {', '.join(sources)}" if sources else verdict.reason
-        permit = Permit(now_s, verdict.granted and not sources, reason, sources, challenge=self._challenge)
+        stop = self._stops.state
+        reason = self._stop_reason() or verdict.reason
+        permit = Permit(
+            now_s,
+            granted=verdict.granted and stop.may_grant,
+            reason=reason,
+            stop_sources=stop.record.sources,
+            challenge=self._challenge,
+            stop_epoch=stop.epoch,
+            stop_ids=tuple(latched.stop_id for latched in stop.record.stops),
+            resumed=stop.record.resumed,
+            life=stop.life,
+        )
         old = self._permit
-        changed = old is None or (old.granted, old.stop_sources) != (permit.granted, permit.stop_sources)
+        changed = old is None or _essence(old) != _essence(permit)
         if not changed and now_s < self._permit_due_s:
             return
         if changed:
@@ -131,9 +156,26 @@ class Comm:
         self._permit, self._permit_due_s = permit, now_s + 1.0 / PERMIT_RATE_HZ - self.period_s / 2
         bus.publish(PERMIT, permit)
 
+    def _stop_reason(self) -> str:
+        """Why no motion is granted as far as stops go, in words for people; empty where it is."""
+        stop = self._stops.state
+        if stop.phase is Phase.LATCHED:
+            pressed = "; the button on the robot is pressed" if stop.button_pressed else ""
+            return f"stopped by {', '.join(stop.record.sources)}{pressed}"
+        if self._stops.trouble:
+            return f"the stop record cannot be stored: {self._stops.trouble}"
+        if stop.phase is not Phase.RESUMED:
+            return str(stop.phase.value)
+        return "" if stop.may_grant else "the stop record is being stored"
+
     def _report(self, bus: Bus, now_s: float, verdict: Verdict, recorder_away: bool) -> None:
-        if self._latch.sources:
+        phase = self._stops.state.phase
+        if phase is Phase.LATCHED:
             state, error = "STOPPED", ErrorCode.OPERATOR_STOP
+        elif self._stops.trouble:
+            state, error = "WAITING", ErrorCode.STOP_RECORD
+        elif phase is Phase.RELEASED:
+            state, error = "RELEASED", ErrorCode.OK
         elif verdict.granted:
             state, error = "GRANTED", ErrorCode.RECORDER_AWAY if recorder_away else ErrorCode.OK
         elif verdict.starting:
@@ -143,9 +185,19 @@ class Comm:
         self._status.report(bus, now_s, state=state, error=error, ready=True, detail=verdict.reason)
 
 
+def _essence(permit: Permit) -> tuple[object, ...]:
+    """What must be told at once when it changes."""
+    return permit.granted, permit.stop_sources, permit.stop_epoch, permit.stop_ids, permit.resumed
+
+
 def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
     """The node of the process; the stop's record and the outbox stand in the log folder."""
     folder: Path | None = arguments.log_dir
-    outbox = Outbox(folder / FILE_NAME if folder else None, config.comm.outbox_limit_mb * 1_000_000)
+    if folder is None:
+        raise StartError("comm needs --log-dir: a stop must outlive this process.")
+    if BRIDGE not in config.comm.required:
+        raise StartError(f'[comm] required names no "{BRIDGE}": without it nothing can say that the robot may move.')
+    outbox = Outbox(folder / FILE_NAME, config.comm.outbox_limit_mb * 1_000_000)
     new_challenge = (lambda: secrets.token_bytes(CHALLENGE_BYTES)) if config.mesh.keys else None
-    return Comm(config.comm, folder / RECORD_NAME if folder else None, outbox, new_challenge)
+    stops = StopKeeper(folder / RECORD_NAME, life=secrets.randbits(LIFE_BITS))
+    return Comm(config.comm, stops, outbox, new_challenge)

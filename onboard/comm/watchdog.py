@@ -59,6 +59,8 @@ def fault_of(module: str, reading: ModuleReading) -> str | None:
 def watch(state: WatchdogState, readings: Mapping[str, ModuleReading], now_s: float) -> tuple[WatchdogState, Verdict]:
     """The next state and whether the required modules allow motion; `readings` names every required one."""
     faults = [fault for module, reading in readings.items() if (fault := fault_of(module, reading))]
+    if not readings:
+        faults = ["no module is required, so none can be sound"]
     starting = not state.ever_granted and now_s - state.started_s < STARTUP_GRACE_S
     if faults:
         return replace(state, sound_since_s=None), Verdict(False, ", ".join(faults), starting)

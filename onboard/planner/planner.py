@@ -29,6 +29,7 @@ from common.messages import (
     DriveCommand,
     Operation,
     OperatorCommand,
+    Permit,
     PlannerView,
     PoiCommand,
     PoiRequest,
@@ -49,6 +50,7 @@ from onboard.planner.view import Motion, View
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
 POINTS_NEAR_M = 4.0
+BOOT_BITS = 16
 TAKEN_KEPT = 16  # operator commands whose repeats are known as such
 _NO_POINTS = np.zeros((0, 2))
 
@@ -59,8 +61,10 @@ class Planner:
     name = "planner"
     period_s = 1.0 / PLANNER_RATE_HZ
 
-    def __init__(self, images_walls: bool = False) -> None:
-        """`images_walls`: there is a camera, and every wall shall have been on its right."""
+    def __init__(self, images_walls: bool = False, boot: int = 0) -> None:
+        """`images_walls`: there is a camera, and every wall shall have been on its right. `boot`, of BOOT_BITS: another
+        number after each restart, by which its drive commands are told from those before."""
+        self._boot = boot
         self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
         self._emergency = Emergency()
@@ -90,7 +94,7 @@ class Planner:
             self._front.append(distances.front_m)
         pose = bus.latest(POSE)
         for operation in bus.take(OPERATION):
-            self._operate(operation, pose, now_s)
+            self._operate(operation, pose, bus.latest(PERMIT), now_s)
         for request in bus.take(RETAKE):
             self._hear_poi(request, pose, now_s)
         error = self._trouble(bus)
@@ -118,12 +122,16 @@ class Planner:
             except GridError as error:
                 self._undecodable.count(GRID.key, str(error))
 
-    def _operate(self, command: OperatorCommand, pose: PoseEstimate | None, now_s: float) -> None:
+    def _operate(
+        self, command: OperatorCommand, pose: PoseEstimate | None, permit: Permit | None, now_s: float
+    ) -> None:
         if command.command_id and command.command_id in self._taken:
             self._view_sent_s = -math.inf  # the answer was lost
             return
         if command.operation is Operation.START and pose is None:
             return  # not taken: it comes again
+        if command.operation is Operation.RESUME and not _may_resume(command, permit):
+            return
         if command.command_id:
             self._taken.append(command.command_id)
             self._view_sent_s = -math.inf
@@ -147,9 +155,6 @@ class Planner:
     def _trouble(self, bus: Bus) -> ErrorCode:
         """Why the robot must stand; OK where it need not."""
         permit = bus.latest(PERMIT)
-        if permit is not None and permit.stop_sources and self._mission.mode is not Mode.WAITING:
-            # A release must never start motion by itself: somebody has to say resume
-            self._paused = True
         if not alive_and_valid(bus, POSE):
             return ErrorCode.NO_POSE
         if not alive(bus, RANGES) or not alive(bus, DISTANCES):
@@ -215,7 +220,7 @@ class Planner:
             self._commanded = replace(last, t_s=now_s)
             return
         self._command_id += 1
-        self._commanded = DriveCommand(now_s, self._command_id, motion.speed, yaw_rad)
+        self._commanded = DriveCommand(now_s, self._command_id, motion.speed, yaw_rad, boot=self._boot)
         bus.publish(DRIVE, self._commanded)
 
     def _report(self, bus: Bus, now_s: float, error: ErrorCode) -> None:
@@ -242,6 +247,11 @@ class Planner:
                 command_id=self._taken[-1] if self._taken else 0,
             ),
         )
+
+
+def _may_resume(command: OperatorCommand, permit: Permit | None) -> bool:
+    """It means the newest stop, and that is released."""
+    return permit is not None and not permit.stop_sources and command.epoch == permit.stop_epoch
 
 
 def _median(values: deque[float]) -> float:

@@ -34,6 +34,7 @@ class Bench:
         self._decoder = LineDecoder()
         self._ticks = [0, 0]
         self._beat = 0
+        self.boot, self.epoch = 1, 1  # of the planner, and of the stops
 
     def step(self) -> None:
         board = self.board
@@ -55,7 +56,7 @@ class Bench:
             board.echo(sonar, self.next_echo_us.pop(sonar, self.echo_us[sonar]))
         if self.heartbeats and self.now_us % 100_000 == 0:
             self._beat += 1
-            self.send(Hb(self._beat % 65536))
+            self.send(Hb(self._beat % 65536, self.epoch))
         self.now_us += STEP_US
         board.run(self.now_us)
         for _, message in self._decoder.feed(board.serial_read()):
@@ -84,15 +85,15 @@ class Bench:
         self.board.serial_write(encode(message, self.now_us // 1000))
 
     def drive(self, command_id: int, speed: int, yaw_deg: float) -> None:
-        self.send(Drv(command_id, speed, round(yaw_deg * 100) % 36000))
+        self.send(Drv(self.boot, command_id, speed, round(yaw_deg * 100) % 36000))
 
     def arm(self) -> None:
         """From wherever it is to READY."""
         self.heartbeats = True
         self.run_until(lambda: self.odo is not None and self.odo.flags & 16)
         self.run(0.15)
-        self.send(Rel())
-        self.send(Start(HASH))
+        self.send(Rel(self.epoch))
+        self.send(Start(HASH, self.epoch))
         self.run_until(lambda: self.car is not None and self.car.state == CarState.READY, 1.0)
 
     @property

@@ -134,6 +134,6 @@ def test_a_bootloader_that_hears_heartbeats_never_starts_the_sketch(bootloader: 
     board = AvrBoard(bootloader=bootloader)
     for n in range(1, 1600):
         if n % 20 == 0:
-            board.serial_write(encode(Hb(n), n))
+            board.serial_write(encode(Hb(n, 1), n))
         board.run(n * STEP_US)
         assert b"HELLO" not in board.serial_read()

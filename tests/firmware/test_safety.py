@@ -58,7 +58,7 @@ def test_stop_takes_the_power_at_once_and_latches(how: str) -> None:
     if how == "byte":
         bench.board.serial_write(b"CM_CAR_12" + STOP_BYTE)
     elif how == "frame":
-        bench.send(Stop())
+        bench.send(Stop(1))
     else:
         bench.board.stop_button(True)
     took_s = bench.run_until(lambda: not bench.enabled, 0.1)
@@ -68,7 +68,7 @@ def test_stop_takes_the_power_at_once_and_latches(how: str) -> None:
     assert bench.car.stop_latched == (2 if how == "button" else 1)
     assert bench.car.state == CarState.STOPPED
     bench.drive(2, MEDIUM, 0.0)
-    bench.send(Start(HASH))
+    bench.send(Start(HASH, 1))
     bench.run(0.5)
     assert bench.pwm == (0, 0)
     assert not bench.enabled
@@ -78,11 +78,11 @@ def test_release_moves_nothing_until_a_new_command() -> None:
     bench = driving_bench()
     bench.board.serial_write(STOP_BYTE)
     bench.run(0.5)
-    bench.send(Rel())
+    bench.send(Rel(1))
     bench.run(0.5)
     assert not bench.enabled
     assert bench.car.state == CarState.DISARMED
-    bench.send(Start(HASH))
+    bench.send(Start(HASH, 1))
     bench.drive(1, MEDIUM, 0.0)
     bench.run(1.0)
     assert bench.car.state == CarState.READY
@@ -96,7 +96,7 @@ def test_release_is_refused_while_the_button_is_pressed() -> None:
     bench = driving_bench()
     bench.board.stop_button(True)
     bench.run(0.2)
-    bench.send(Rel())
+    bench.send(Rel(1))
     bench.run(0.2)
     assert [m.result for m in bench.received if isinstance(m, Ack) and m.of == 5][-1] == 1
     assert bench.car.stop_latched == 2
@@ -106,7 +106,7 @@ def test_start_of_another_protocol_is_refused() -> None:
     bench = Bench()
     bench.heartbeats = True
     bench.run(3.0)
-    bench.send(Start(HASH ^ 1))
+    bench.send(Start(HASH ^ 1, 1))
     bench.run(0.3)
     assert bench.car.state == CarState.DISARMED
     assert not bench.enabled
@@ -141,7 +141,7 @@ def test_nothing_moves_before_the_gyro_is_calibrated() -> None:
     bench = Bench()
     bench.heartbeats = True
     bench.run(0.5)
-    bench.send(Start(HASH))
+    bench.send(Start(HASH, 1))
     bench.drive(1, MEDIUM, 0.0)
     bench.run(0.5)
     assert bench.car.state == CarState.BOOT
@@ -179,7 +179,7 @@ def test_random_bytes_start_no_motor() -> None:
         assert bench.pwm == (0, 0)
 
 
-@pytest.mark.parametrize("message", [Drv(3, 1, 9000), Start(HASH), Hb(7), Rel()])
+@pytest.mark.parametrize("message", [Drv(1, 3, 1, 9000), Start(HASH, 1), Hb(7, 1), Rel(1)])
 def test_every_single_bit_error_in_a_line_is_rejected(message) -> None:
     """By the firmware: a damaged line is neither acknowledged nor obeyed."""
     line = encode(message, 123456)
@@ -199,7 +199,7 @@ def test_every_single_bit_error_in_a_line_is_rejected(message) -> None:
 
 def test_a_line_after_garbage_is_understood() -> None:
     bench = ready_bench()
-    bench.board.serial_write(b"x" * 300 + b"\n" + encode(Drv(9, 1, 0), 5))
+    bench.board.serial_write(b"x" * 300 + b"\n" + encode(Drv(1, 9, 1, 0), 5))
     bench.run(0.2)
     assert bench.car.command_id == 9
 

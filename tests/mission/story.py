@@ -22,7 +22,9 @@ class Story:
         return self.robot.now_s
 
     def say(self, operation: Operation) -> None:
-        self.robot.operator.publish(OPERATION, OperatorCommand(self.now_s, operation))
+        permit = self.robot.operator.latest(PERMIT)
+        epoch = permit.stop_epoch if permit is not None else 0
+        self.robot.operator.publish(OPERATION, OperatorCommand(self.now_s, operation, epoch=epoch))
 
     def start(self) -> None:
         """Wait until it may move, and ask it to."""

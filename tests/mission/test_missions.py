@@ -13,7 +13,7 @@ import pytest
 from common.constants import HULL_RADIUS_M
 from common.errors import StartError
 from common.geometry import wrap_angle
-from common.messages import DRIVE, GRID, MAP, POSE, STOP, TRAJECTORY, Operation, StopRequest
+from common.messages import DRIVE, GRID, MAP, PERMIT, POSE, STOP, TRAJECTORY, Operation, StopRequest
 from offboard.simulator.lockstep import simulate
 from offboard.simulator.options import RunOptions
 from tests.mission.story import Story
@@ -125,7 +125,7 @@ def test_an_operator_s_stop_holds_until_released_and_resumed(hall: Path, tell: T
     story.start()
     assert story.until(story.drives, 120.0)
 
-    operator.publish(STOP, StopRequest(story.now_s, "operator", latched=True))
+    operator.publish(STOP, StopRequest(story.now_s, "operator", latched=True, stop_id=7))
     assert story.until(story.wheels_stand, STANDS_WITHIN_S)
     story.run(1.0)
     stopped = story.world.truth
@@ -139,9 +139,13 @@ def test_an_operator_s_stop_holds_until_released_and_resumed(hall: Path, tell: T
     assert not story.granted()
     assert story.carrier().stop_latched
 
-    operator.publish(STOP, StopRequest(story.now_s, "operator", latched=False))
-    assert story.until(story.granted, 3.0)
+    permit = operator.latest(PERMIT)
+    assert permit is not None
+    operator.publish(STOP, StopRequest(story.now_s, "operator", latched=False, epoch=permit.stop_epoch))
     story.run(5.0, assert_stands)
+    story.say(Operation.HOME)
+    story.run(2.0, assert_stands)
+    assert not story.granted()
 
     story.say(Operation.RESUME)
     assert story.goes_on()

@@ -20,6 +20,7 @@ from common.config import BridgeSection, Config, MeshSection, config_text
 from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, PERMIT, Permit
 from common.zenoh_bus import ZenohBus
+from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 
 ROOT = Path(__file__).resolve().parents[2]
 STAND_IN = Path(__file__).with_name("stand_in.py")
@@ -59,6 +60,7 @@ class Mesh:
         )
         self.config_file = folder / "robot.toml"
         self.config_file.write_text(config_text(self.config), encoding="utf-8")
+        write_record(folder / RECORD_NAME, StopRecord())
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.permits: list[tuple[float, Permit]] = []  # monotonic time of arrival
         self._bus: ZenohBus | None = None

@@ -1,8 +1,8 @@
 """A process that stands in for a module: `python stand_in.py NAME --config robot.toml`.
 
-Every one is ready at once, and its status names whom it knows to be there. "planner" drives from a start on and
-stands from a latched stop until a resume; "bridge" moves while it holds a fresh permit, knows of no stop and is asked
-to drive; "simulator" leads the shared clock.
+Every one is ready at once, and its status names whom it knows to be there. "planner" drives from a start or a resume
+on; "bridge" has a board that knows every stop at once, and moves while its gate lets it and it is asked to drive;
+"simulator" leads the shared clock.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from common.bus import Bus
 from common.config import Config
 from common.messages import (
+    CARRIER,
     DRIVE,
     ODOMETRY,
     OPERATION,
@@ -32,6 +33,8 @@ from common.process import argument_parser, run
 from common.status import StatusReporter
 from common.zenoh_bus import ZenohBus
 from onboard.bridge.motion_gate import MotionGate
+from onboard.bridge.protocol import CarSta, CarState, Stp
+from onboard.bridge.translation import carrier_report
 
 
 class StandIn:
@@ -61,9 +64,6 @@ class StandInPlanner(StandIn):
             self._drives = command.operation in (Operation.START, Operation.RESUME)
             way_m = np.zeros((0, 2), np.float32)
             bus.publish(PLAN, PlannerView(now_s, "", "", way_m, 0, 0.0, False, command_id=command.command_id))
-        permit = bus.latest(PERMIT)
-        if permit is not None and permit.stop_sources:
-            self._drives = False
         bus.publish(DRIVE, DriveCommand(now_s, 1, Speed.MEDIUM if self._drives else Speed.STOP, 0.0))
 
 
@@ -81,6 +81,10 @@ class StandInBridge(StandIn):
         moves = permitted and drive is not None and drive.speed is not Speed.STOP
         speed_m_s = 0.16 if moves else 0.0
         bus.publish(ODOMETRY, Odometry(now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, speed_m_s, not moves, False, False, 1))
+        board = CarSta(CarState.READY, 0, 0, 0, 0, 0, round(1000 * speed_m_s), 0, 0, int(permitted), 0, 12000, 0)
+        stop = Stp(0, self._gate.epoch, 0)
+        self._gate.board(1, stop)
+        bus.publish(CARRIER, carrier_report(board, stop, now_s, self._gate))
 
 
 def make(_: Config, arguments: argparse.Namespace) -> StandIn:

@@ -88,7 +88,7 @@ def test_it_shows_every_module_stops_the_robot_and_fills_itself_again_after_a_re
         assert center.node.snapshot().view is not None
 
         center.node.stop_desk.release()
-        until(lambda: center.node.snapshot().look is Look.IDLE, what="the release")
+        until(lambda: center.node.snapshot().look is Look.RELEASED, what="the release")
         assert _standing(watcher)
         center.node.operate(Operation.RESUME)
         until(lambda: _answer(center) is Answer.TAKEN, what="the planner's acknowledgement")

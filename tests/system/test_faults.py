@@ -19,7 +19,7 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import load_config
-from common.messages import LAPTOP_RECORDED, PERMIT, PLAN, ROBOT_RECORDED, TOPICS, Status, Topic
+from common.messages import LAPTOP_RECORDED, PERMIT, PLAN, ROBOT_RECORDED, TOPICS, Permit, Status, Topic
 from common.zenoh_bus import ZenohBus
 from offboard.simulator.process import MOTORS_NAME
 from tests.system.cable import Cable
@@ -62,6 +62,18 @@ class Running:
     def command(self, verb: str) -> None:
         result = run_cli(verb, "--config", str(self.config_file))
         assert result.returncode == 0, result.stderr
+
+    def refused(self, verb: str) -> str:
+        """Why the robot does not take it."""
+        result = run_cli(verb, "--config", str(self.config_file))
+        assert result.returncode == 1, result.stdout
+        return result.stderr
+
+    @property
+    def permit(self) -> Permit:
+        permit = self.bus.latest(PERMIT)
+        assert permit is not None
+        return permit
 
     def names(self, victim: str) -> bool:
         """The command center says who stops the robot: comm does, and of comm itself that it is not heard."""
@@ -218,27 +230,27 @@ def test_estop_latches_and_only_a_resume_moves_the_robot_again(mesh: Running) ->
     asked_s = time.monotonic()
     mesh.command("estop")
     mesh.motors.dead_after_s(asked_s)
-    until(lambda: (permit := mesh.bus.latest(PERMIT)) is not None and permit.stop_sources == ("operator",))
+    until(lambda: mesh.permit.stop_sources == ("operator",))
     assert mesh.motors.stands()
-    mesh.command("resume")
+    assert "release the stop first" in mesh.refused("resume")
     mesh.command("release")
-    until(lambda: (permit := mesh.bus.latest(PERMIT)) is not None and permit.granted, what="the permit")
+    mesh.command("start")
+    until(lambda: not mesh.permit.stop_sources, what="the release")
     assert mesh.motors.stands()
     resumed_s = time.monotonic()
     mesh.command("resume")
     mesh.motors.await_driving(resumed_s)
 
 
-def test_a_planner_that_is_restarted_during_a_stop_waits_for_a_start(mesh: Running) -> None:
+def test_a_planner_that_is_restarted_during_a_stop_waits_for_a_resume(mesh: Running) -> None:
     mesh.motors.await_driving()
     mesh.command("estop")
     planner = children_of(mesh.run_dir)["planner"]
     os.kill(planner, signal.SIGKILL)
     until(lambda: children_of(mesh.run_dir).get("planner", planner) != planner, 10.0, "the restart")
     mesh.command("release")
-    until(lambda: (permit := mesh.bus.latest(PERMIT)) is not None and permit.granted, 20.0, "the permit")
-    assert mesh.motors.stands()
     until(lambda: (view := mesh.bus.latest(PLAN)) is not None and view.mode == "WAITING", what="the planner's view")
-    started_s = time.monotonic()
-    mesh.command("start")
-    mesh.motors.await_driving(started_s)
+    assert mesh.motors.stands()
+    resumed_s = time.monotonic()
+    mesh.command("resume")
+    mesh.motors.await_driving(resumed_s)

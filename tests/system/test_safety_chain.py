@@ -88,4 +88,6 @@ def test_stop_outlives_a_restart_of_comm(mesh: Mesh) -> None:
         lambda: mesh.permits and mesh.permits[-1][1].stop_sources == ("operator",), what="the latch after the restart"
     )
     assert not mesh.granted
+    until(lambda: mesh.permits[-1][1].stop_epoch, what="the bridge's answer")
     assert mesh.command("release").returncode == 0
+    assert mesh.command("resume").returncode == 0

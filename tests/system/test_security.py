@@ -42,8 +42,6 @@ certificates = pytest.importorskip("deploy.certificates", reason="pip install cr
 pytestmark = pytest.mark.timeout(60)
 LATER = datetime.now(UTC) + timedelta(days=1)
 HOSTS = {"robot": ["127.0.0.1"]}
-RELEASE = StopRequest(0.0, SOURCE, latched=False)
-RESUME = OperatorCommand(0.0, Operation.RESUME, command_id=77)
 Sealed = tuple[str, bytes, bytes | None]  # key, message, seal
 
 
@@ -116,7 +114,7 @@ class KeyedMesh(Mesh):
         return operation is None or operation.answer is not Answer.WAITING
 
     def _moves(self) -> bool:
-        """Asks again after each answer: a planner that has not heard of the release yet stands again at once."""
+        """Asks again after each answer: a planner that was started anew waits for it."""
         if self._answered():
             self.center.node.operate(Operation.RESUME)
         return not self.standing
@@ -152,11 +150,11 @@ def keyed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeyedMesh]:
 
 def orders(mesh: KeyedMesh) -> list[Sealed]:
     """All that could set the robot going, from a sender without the command key."""
-    sequence, boot_id = 1_000_000, 4711
+    sequence, boot_id, epoch = 1_000_000, 4711, mesh.permits[-1][1].stop_epoch
     wanted = (
-        (STOP, RELEASE),
-        (OPERATION, RESUME),
-        (PERMIT, Permit(0.0, True, "")),
+        (STOP, StopRequest(0.0, SOURCE, latched=False, epoch=epoch)),
+        (OPERATION, OperatorCommand(0.0, Operation.RESUME, command_id=77, epoch=epoch)),
+        (PERMIT, Permit(0.0, True, "", stop_epoch=epoch)),
         (DRIVE, DriveCommand(0.0, 5, Speed.MEDIUM, 0.0)),
     )
     return [(mesh.keyed(topic), encode(payload, sequence, boot_id), None) for topic, payload in wanted]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -73,6 +74,7 @@ class Rig:
         self.moves = True
         self.stops: list[StopRequest] = []
         self.operations: list[OperatorCommand] = []
+        self.epoch, self.stop_ids, self.button_pressed = 1, list[int](), False
         self._latched_s = float("inf")
         self._acknowledged = 0
         self._ticks = 0
@@ -116,7 +118,12 @@ class Rig:
                 continue
             if request.latched and not self.sources:
                 self._latched_s = self.now_s
-            (self.sources.add if request.latched else self.sources.discard)(request.source)
+            if request.latched and request.stop_id not in self.stop_ids:
+                self.epoch += 1
+                self.stop_ids.append(request.stop_id)
+                self.sources.add(request.source)
+            elif not request.latched and request.epoch == self.epoch:
+                self.sources.clear(), self.stop_ids.clear()
         for command in self.robot.take(OPERATION):
             self.operations.append(command)
             if "planner" not in self.silent:
@@ -132,9 +139,11 @@ class Rig:
         speed_m_s = 0.0 if standing else 0.16
         if "bridge" not in self.silent:
             say(ODOMETRY, Odometry(now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, speed_m_s, standing, False, False, 1))
-            say(CARRIER, CarrierReport(now_s, CarrierState.MOVING, 0, 0, 0, speed_m_s, 0, 0, True, False, 12.1))
+            report = CarrierReport(now_s, CarrierState.MOVING, 0, 0, 0, speed_m_s, 0, 0, not self.sources, False, 12.1)
+            say(CARRIER, replace(report, board_epoch=self.epoch, button_pressed=self.button_pressed))
         if "comm" not in self.silent:
-            say(PERMIT, Permit(now_s, not self.sources, "", tuple(sorted(self.sources))))
+            sources, stop_ids = tuple(sorted(self.sources)), tuple(self.stop_ids)
+            say(PERMIT, Permit(now_s, not sources, "", sources, stop_epoch=self.epoch, stop_ids=stop_ids))
         if "mmu" not in self.silent:
             say(POSE, PoseEstimate(now_s, 3.2, -1.05, 1.57, 0.0, 0.03, 0.01, 1))
         if "planner" not in self.silent:

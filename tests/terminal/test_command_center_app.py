@@ -200,23 +200,36 @@ async def test_the_release_takes_the_typed_word_and_starts_nothing(tmp_path: Pat
 
 
 @piloted
-async def test_no_release_while_another_source_holds_the_stop_or_the_link_is_lost(tmp_path: Path) -> None:
+async def test_no_release_while_the_button_is_pressed_or_the_link_is_lost(tmp_path: Path) -> None:
     rig = Rig()
     app = rig.app(tmp_path)
     async with app.run_test(size=SIZE) as pilot:
-        rig.sources = {"operator", "hardware_button"}
+        rig.sources, rig.button_pressed = {"operator", "button"}, True
         await settle(rig, app, pilot)
         await pilot.press("ctrl+r")
         assert app.screen is app.main, "not even asked"
-        assert "held by hardware_button, operator" in bar(app)
-        rig.sources = {"operator"}
+        assert "held by button, operator" in bar(app)
+        rig.button_pressed = False
         await settle(rig, app, pilot)
         await pilot.press("ctrl+r", *"release")
         rig.silent = {"comm"}
         await settle(rig, app, pilot, 2.0)
         await pilot.press("enter")
         await settle(rig, app, pilot)
-        assert rig.sources == {"operator"}
+        assert rig.sources == {"button", "operator"}
+
+
+@piloted
+async def test_a_resume_of_a_latched_stop_promises_nothing(tmp_path: Path) -> None:
+    rig = Rig()
+    app = rig.app(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        rig.sources = {"button"}
+        await settle(rig, app, pilot)
+        await pilot.press("r")
+        assert app.screen is app.main, "not even asked"
+        await settle(rig, app, pilot)
+        assert rig.operations == []
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,8 @@ class Rig:
         self.bridge = Bridge(self.open)
         self.permit = False
         self.sources: tuple[str, ...] = ()
+        self.stop_ids: tuple[int, ...] = ()
+        self.epoch = 1
         self.now_s = 100.0
 
     def open(self) -> FakePort:
@@ -74,7 +76,11 @@ class Rig:
     def step(self) -> None:
         self.mesh.now_s = self.now_s
         if self.permit is not None and round(self.now_s * 100) % 10 == 0:
-            self.others.publish(PERMIT, Permit(self.now_s, self.permit and not self.sources, "", self.sources))
+            granted = self.permit and not self.sources
+            permit = Permit(
+                self.now_s, granted, "", self.sources, stop_epoch=self.epoch, stop_ids=self.stop_ids, life=7
+            )
+            self.others.publish(PERMIT, permit)
         self.bridge.step(self.bus, self.now_s)
         self.now_s = round(self.now_s + 0.01, 6)
 
@@ -89,13 +95,21 @@ class Rig:
             self.step()
         raise AssertionError(f"not within {limit_s} s: {self.others.latest(CARRIER)} {self.status}")
 
-    def drive(self, command_id: int, speed: Speed, yaw_rad: float = 0.0) -> None:
+    def drive(self, command_id: int, speed: Speed, yaw_rad: float = 0.0, boot: int = 1) -> None:
         self.mesh.now_s = self.now_s
-        self.others.publish(DRIVE, DriveCommand(self.now_s, command_id, speed, yaw_rad))
+        self.others.publish(DRIVE, DriveCommand(self.now_s, command_id, speed, yaw_rad, boot=boot))
 
-    def stop(self, latched: bool) -> None:
+    def stop(self, stop_id: int = 5) -> None:
         self.mesh.now_s = self.now_s
-        self.others.publish(STOP, StopRequest(self.now_s, "operator", latched))
+        self.others.publish(STOP, StopRequest(self.now_s, "operator", True, stop_id=stop_id))
+
+    def latch(self, source: str, stop_id: int) -> None:
+        """What comm does with a stop."""
+        self.sources, self.stop_ids, self.epoch = (source,), (stop_id,), self.epoch + 1
+
+    def release(self) -> None:
+        """What comm does after a release and a resume."""
+        self.sources = self.stop_ids = ()
 
     @property
     def status(self):
@@ -309,16 +323,19 @@ def test_robot_stops_when_the_permit_gets_old() -> None:
 
 
 @pytest.mark.requirement("CAR_MR_05")
-def test_operators_stop_works_within_two_steps_and_latches_until_released() -> None:
+def test_operators_stop_works_within_two_steps_and_holds_whatever_comm_says_of_the_time_before() -> None:
     rig = driving_rig()
-    rig.stop(True)
+    rig.stop()
     took_s = rig.run_until(lambda: not rig.bench.enabled, 0.5)
     assert took_s <= 0.02
     rig.drive(2, Speed.MEDIUM)
     rig.run(2.0)
     assert not rig.bench.enabled
+    assert (rig.carrier.stop_ids, rig.carrier.stop_names) == ((5,), ("operator",))
+    rig.latch("operator", 5)
+    rig.run_until(lambda: rig.carrier.board_epoch == 2 and not rig.carrier.stop_ids, 0.5)
     assert rig.carrier.state is CarrierState.STOPPED
-    rig.stop(False)
+    rig.release()
     rig.run_until(lambda: rig.carrier.state is CarrierState.READY, 2.0)
     rig.run(1.0)
     assert rig.bench.pwm == (0, 0)
@@ -329,24 +346,81 @@ def test_operators_stop_works_within_two_steps_and_latches_until_released() -> N
 
 def test_stop_sources_of_the_permit_hold_the_robot_too() -> None:
     rig = driving_rig()
-    rig.sources = ("operator",)
+    rig.latch("operator", 5)
     rig.run_until(lambda: not rig.bench.enabled, 0.15)
-    rig.stop(False)
     rig.run(2.0)
     assert rig.carrier.state is CarrierState.STOPPED
     assert rig.status.state == "STOPPED"
 
 
-def test_button_on_the_robot_needs_an_operators_release() -> None:
+def test_a_permit_of_an_older_stop_moves_nothing() -> None:
+    rig = driving_rig()
+    rig.latch("operator", 5)
+    rig.run(0.5)
+    rig.release()
+    rig.epoch = 1
+    rig.run(2.0)
+    assert not rig.bench.enabled
+    assert rig.carrier.bridge_epoch == 2
+
+
+def test_button_on_the_robot_is_told_to_comm_and_holds_until_that_released_it() -> None:
     rig = driving_rig()
     rig.bench.board.stop_button(True)
     rig.run(0.5)
+    assert rig.carrier.button_pressed
     rig.bench.board.stop_button(False)
     rig.run(2.0)
     assert rig.carrier.state is CarrierState.STOPPED
     assert rig.status.detail == "button"
-    rig.stop(False)
+    assert rig.carrier.stop_names == ("button",)
+    rig.latch("button", rig.carrier.stop_ids[0])
+    rig.run_until(lambda: not rig.carrier.stop_ids, 0.5)
+    rig.release()
     rig.run_until(lambda: rig.carrier.state is CarrierState.READY, 2.0)
+
+
+@pytest.mark.parametrize("pressed_again", [True, False], ids=["pressed again", "never let out"])
+def test_button_after_the_release_is_another_stop(pressed_again: bool) -> None:
+    rig = driving_rig()
+    rig.bench.board.stop_button(True)
+    rig.run(0.5)
+    rig.latch("button", rig.carrier.stop_ids[0])
+    rig.run(0.5)
+    if pressed_again:
+        rig.bench.board.stop_button(False)
+        rig.run(0.5)
+        rig.bench.board.stop_button(True)
+    rig.release()
+    rig.run_until(lambda: rig.carrier.stop_names == ("button",), 0.5)
+    rig.bench.board.stop_button(False)
+    rig.drive(2, Speed.MEDIUM)
+    rig.run(2.0)
+    assert not rig.bench.enabled
+
+
+def test_button_outlives_a_reset_of_the_board_until_comm_knows_it() -> None:
+    rig = driving_rig()
+    rig.bench.board.stop_button(True)
+    rig.run(0.2)
+    rig.bench.board.stop_button(False)
+    rig.bench.board.reset()
+    rig.bench.now_us = 0
+    rig.run(6.0)
+    rig.drive(2, Speed.MEDIUM)
+    rig.run(1.0)
+    assert not rig.bench.enabled
+    assert rig.carrier.stop_names == ("button",)
+
+
+def test_a_restarted_planner_stops_a_robot_that_the_one_before_set_going() -> None:
+    rig = driving_rig()
+    for number in range(2, 27):
+        rig.drive(number, Speed.MEDIUM)
+        rig.run(0.1)
+    rig.drive(26, Speed.STOP, boot=2)
+    rig.run_until(lambda: rig.bench.pwm == (0, 0), 2.0)
+    assert (rig.carrier.boot, rig.carrier.command_id) == (2, 26)
 
 
 def test_stop_byte_from_noise_is_released_because_nobody_asked_for_it() -> None:

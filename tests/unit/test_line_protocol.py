@@ -33,7 +33,7 @@ def test_every_message_comes_back_as_it_was(message: Message, time_ms: int) -> N
 
 
 def test_a_line_reads_as_the_specification_demands() -> None:
-    assert encode(Drv(12, 1, 9000), 345).startswith(b"PLN_CAR_345_DRV,12,1,9000*")
+    assert encode(Drv(1, 12, 1, 9000), 345).startswith(b"PLN_CAR_345_DRV,1,12,1,9000*")
 
 
 @settings(max_examples=30)
@@ -50,9 +50,9 @@ def test_every_single_bit_error_is_rejected(message: Message, time_ms: int) -> N
 def test_garbage_never_raises_and_costs_at_most_one_line(garbage: bytes) -> None:
     decoder = LineDecoder()
     decoder.feed(garbage)
-    line = encode(Hb(1), 2)
+    line = encode(Hb(1, 1), 2)
     received = decoder.feed(line + line)
-    assert received[-1] == Received(2, Hb(1))
+    assert received[-1] == Received(2, Hb(1, 1))
     assert len(received) in (1, 2)
 
 
@@ -66,7 +66,14 @@ def test_lines_may_arrive_in_any_pieces(sent: list[Message], size: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", [b"PLN_CAR_1_DRV,0,1,0", b"PLN_CAR_1_DRV,1,3,0", b"PLN_CAR_1_DRV,1,1", b"PLN_CAR_1_DRV,1,1,0,0", b"A_B_1_X"]
+    "text",
+    [
+        b"PLN_CAR_1_DRV,1,0,1,0",
+        b"PLN_CAR_1_DRV,1,1,3,0",
+        b"PLN_CAR_1_DRV,1,1,1",
+        b"PLN_CAR_1_DRV,1,1,1,0,0",
+        b"A_B_1_X",
+    ],
 )
 def test_out_of_range_and_unknown_lines_are_rejected(text: bytes) -> None:
     assert decode(b"%s*%04X" % (text, crc16(text))) is None
@@ -74,14 +81,14 @@ def test_out_of_range_and_unknown_lines_are_rejected(text: bytes) -> None:
 
 def test_bad_lines_are_counted() -> None:
     decoder = LineDecoder()
-    decoder.feed(b"hello\n\n" + encode(Rel(), 1) + b"x" * 500 + b"\n")
+    decoder.feed(b"hello\n\n" + encode(Rel(1), 1) + b"x" * 500 + b"\n")
     assert decoder.bad_lines == 2
 
 
 def test_bridge_understands_everything_the_firmware_says_and_the_firmware_the_bridge() -> None:
     board, decoder = HostBoard(), LineDecoder()
     board.imu(0, 0, 16384, 0, 0, -40)
-    board.serial_write(encode(Drv(2147483647, -1, 35999), 2**32 - 1))
+    board.serial_write(encode(Drv(1, 2147483647, -1, 35999), 2**32 - 1))
     received = []
     for until_us in range(5000, 1_000_000, 5000):
         board.run(until_us)

@@ -26,48 +26,55 @@ from offboard.command_center.software_stop import (
 )
 from offboard.command_center.widgets.stop_bar import bar_text
 
-DRIVING = RobotReport((), 9.95, False, 0.16, 9.95)
-STOPPED = RobotReport((SOURCE,), 10.2, True, 0.0, 10.2)
+DRIVING = RobotReport((), 9.95, False, 0.16, 9.95, stop_epoch=4, board_epoch=4)
+STOPPED = RobotReport((SOURCE,), 10.2, True, 0.0, 10.2, 5, (7,), resumed=False, board_epoch=5, board_stands=True)
+RELEASED = replace(STOPPED, stop_sources=(), stop_ids=(), permit_s=10.4)
 IDLE = StopControl()
 
 
-def test_a_press_is_sent_until_latch_and_standing_wheels_are_both_heard_after_it() -> None:
-    control = pressed(IDLE, DRIVING, 10.0)
+def test_a_press_is_sent_until_this_very_press_is_latched_known_to_the_board_and_the_wheels_stand() -> None:
+    control = pressed(IDLE, 10.0, 7)
     sent = request(control, 10.0)
     assert sent is not None
-    assert sent.latched
-    latched_only = replace(STOPPED, standing=False)
-    standing_only = replace(STOPPED, stop_sources=())
-    before_the_press = replace(STOPPED, odometry_s=9.9)
-    for report in (DRIVING, latched_only, standing_only, before_the_press):
+    assert (sent.latched, sent.stop_id) == (True, 7)
+    for report in (
+        DRIVING,
+        replace(STOPPED, stop_ids=(6,)),
+        replace(STOPPED, stop_epoch=0),
+        replace(STOPPED, board_epoch=4),
+        replace(STOPPED, board_stands=False),
+        replace(STOPPED, standing=False),
+        replace(STOPPED, odometry_s=9.9),
+    ):
         assert heard(control, report, 10.25) == control
     done = heard(control, STOPPED, 10.25)
     assert request(done, 10.25) is None
     assert done.latency_s == pytest.approx(0.2)
 
 
-def test_to_press_again_changes_nothing() -> None:
-    control = pressed(IDLE, DRIVING, 10.0)
-    assert pressed(control, DRIVING, 10.1) is control
+def test_to_press_again_changes_nothing_while_it_is_sent_and_is_a_press_of_its_own_afterwards() -> None:
+    control = pressed(IDLE, 10.0, 7)
+    assert pressed(control, 10.1, 8) is control
     done = heard(control, STOPPED, 10.25)
-    assert pressed(done, STOPPED, 10.3) is done
-    assert look(done, STOPPED, 10.3) is Look.LATCHED
+    again = pressed(done, 10.3, 9)
+    assert (again.demand, again.stop_id) == (Demand.STOP, 9)
+    assert look(again, STOPPED, 10.3) is Look.SENT
 
 
 def test_a_press_without_a_link_is_sent_even_when_a_stop_was_latched_before() -> None:
-    done = heard(pressed(IDLE, DRIVING, 10.0), STOPPED, 10.25)
+    done = heard(pressed(IDLE, 10.0, 7), STOPPED, 10.25)
     later_s = 10.25 + LINK_LOST_S + 1.0
-    again = pressed(done, STOPPED, later_s)
-    assert again.demand is Demand.STOP
+    again = pressed(done, later_s, 8)
+    assert request(again, later_s) is not None
     assert look(again, STOPPED, later_s) is Look.LINK_LOST
 
 
-def test_a_stop_of_another_source_does_not_count_as_the_operators() -> None:
-    bumper = replace(STOPPED, stop_sources=("hardware_button",))
-    assert look(IDLE, bumper, 10.2) is Look.LATCHED
-    control = pressed(IDLE, bumper, 10.2)
-    assert control.demand is Demand.STOP
-    both = replace(STOPPED, stop_sources=("hardware_button", SOURCE), permit_s=10.4, odometry_s=10.4)
+def test_a_stop_of_another_source_is_not_the_press() -> None:
+    button = replace(STOPPED, stop_sources=("button",), stop_ids=(99,))
+    assert look(IDLE, button, 10.2) is Look.LATCHED
+    control = pressed(IDLE, 10.2, 8)
+    assert heard(control, replace(button, odometry_s=10.4), 10.4).demand is Demand.STOP
+    both = replace(button, stop_ids=(99, 8), odometry_s=10.4, stop_epoch=6, board_epoch=6)
     assert heard(control, both, 10.4).demand is Demand.NONE
 
 
@@ -76,7 +83,8 @@ def test_a_stop_of_another_source_does_not_count_as_the_operators() -> None:
     [
         (IDLE, STOPPED, 20.0, "not heard"),
         (StopControl(Demand.STOP, 10.0), STOPPED, 10.3, "not confirmed yet"),
-        (IDLE, replace(STOPPED, stop_sources=("hardware_button", SOURCE)), 10.3, "hardware_button"),
+        (IDLE, replace(STOPPED, button_pressed=True), 10.3, "button"),
+        (IDLE, replace(STOPPED, stop_epoch=0), 10.3, "just starting"),
         (IDLE, DRIVING, 10.0, "No stop"),
     ],
 )
@@ -87,22 +95,30 @@ def test_a_release_is_hindered_with_a_reason(
     assert release_asked(control, report, now_s) is control
 
 
-def test_a_release_ends_with_the_robots_word_or_is_told_as_failed() -> None:
+def test_a_release_names_the_stop_that_was_seen_and_ends_with_the_robots_word() -> None:
     control = release_asked(IDLE, STOPPED, 10.3)
     sent = request(control, 10.3)
     assert sent is not None
-    assert not sent.latched
+    assert (sent.latched, sent.epoch) == (False, 5)
     assert heard(control, replace(STOPPED, permit_s=10.4), 10.4) is control
-    freed = replace(STOPPED, stop_sources=(), permit_s=10.4)
-    assert heard(control, freed, 10.4) == IDLE
-    late_s = 10.3 + RELEASE_TIMEOUT_S + 0.1
-    failed = heard(control, replace(STOPPED, permit_s=late_s), late_s)
+    assert heard(control, RELEASED, 10.4) == IDLE
+    assert look(IDLE, RELEASED, 10.4) is Look.RELEASED
+    assert "before a resume" in bar_text(Snapshot(10.4, report=RELEASED)).headline
+
+
+@pytest.mark.parametrize(
+    ("report", "now_s"),
+    [(STOPPED, 10.3 + RELEASE_TIMEOUT_S + 0.1), (replace(STOPPED, stop_epoch=6), 10.4)],
+    ids=["no answer", "somebody stopped it again"],
+)
+def test_a_release_that_failed_is_told(report: RobotReport, now_s: float) -> None:
+    failed = heard(release_asked(IDLE, STOPPED, 10.3), replace(report, permit_s=now_s), now_s)
     assert (failed.demand, failed.release_failed) == (Demand.NONE, True)
 
 
 def test_a_press_ends_a_release_at_once() -> None:
     control = release_asked(IDLE, STOPPED, 10.3)
-    assert pressed(control, STOPPED, 10.35).demand is Demand.STOP
+    assert pressed(control, 10.35, 8).demand is Demand.STOP
 
 
 REPORTS = st.builds(
@@ -122,7 +138,7 @@ def test_latched_is_only_shown_on_the_robots_own_fresh_word(
     now_s = 20.0
     control = StopControl(demand, since_s)
     shown = look(control, report, now_s)
-    if shown in (Look.LATCHED, Look.IDLE):
+    if shown in (Look.LATCHED, Look.IDLE, Look.RELEASED):
         assert now_s - report.permit_s <= LINK_LOST_S
         assert (shown is Look.LATCHED) == bool(report.stop_sources)
     text = bar_text(Snapshot(now_s, control=control, report=report))

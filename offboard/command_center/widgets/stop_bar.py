@@ -12,7 +12,7 @@ from textual.widgets import Static
 
 from offboard.command_center.bindings import STOP_KEYS
 from offboard.command_center.snapshot import Snapshot
-from offboard.command_center.software_stop import SOURCE, Demand, Look
+from offboard.command_center.software_stop import Demand, Look
 
 RED_BUTTON = "use the red button on the robot"
 
@@ -42,7 +42,8 @@ def bar_text(snapshot: Snapshot) -> BarText:
     if look is Look.LATCHED:
         return _latched(snapshot)
     wheels = "standing" if report.standing else f"driving {abs(report.speed_m_s):.2f} m/s"
-    return BarText(look, "No stop is latched", wheels if report.wheels_known(now_s) else "wheels not heard")
+    headline = "No stop is latched" if look is Look.IDLE else "Released – nothing moves before a resume (r)"
+    return BarText(look, headline, wheels if report.wheels_known(now_s) else "wheels not heard")
 
 
 def _latched(snapshot: Snapshot) -> BarText:
@@ -61,7 +62,7 @@ def _latched(snapshot: Snapshot) -> BarText:
         headline = f"LATCHED – {speed}"
     if control.release_failed:
         return BarText(Look.LATCHED, headline, f"{held_by}; the release was NOT confirmed")
-    way_out = "ctrl+r releases it" if report.stop_sources == (SOURCE,) else "clear the other source first"
+    way_out = "let the button out, then ctrl+r releases it" if report.button_pressed else "ctrl+r releases it"
     return BarText(Look.LATCHED, headline, f"{held_by}; {way_out}")
 
 

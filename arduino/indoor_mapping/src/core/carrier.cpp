@@ -23,14 +23,19 @@ Carrier::Carrier()
     : mode_(kIdle), completed_id_(0), aborted_id_(0), error_(kOk), hard_(false), speed_q8_(0), rate_cdps_(0),
       hold_cdeg_(0), turn_ticks_(0), settled_ms_(0), turning_ms_(0), mark_ticks_(0), backed_mm_q8_(0),
       retreat_mm_q8_(config::kBackOffMax_mm * 256), pwm_left_(0), pwm_right_(0) {
+  command_.boot = 0;
   command_.command_id = 0;
   command_.speed = 0;
   command_.yaw_cdeg = 0;
 }
 
 bool Carrier::drive(const Drv& command) {
-  if (command.command_id == command_.command_id) return true;
-  if (command.command_id == aborted_id_) return false;
+  if (command.boot != command_.boot) {
+    command_.boot = command.boot;
+    command_.command_id = completed_id_ = aborted_id_ = 0;
+  }
+  if (command.command_id == command_.command_id && command.speed == command_.speed) return true;
+  if (command.command_id == aborted_id_ && command.speed != 0) return false;
   if (mode_ == kBackOff) {
     aborted_id_ = command.command_id;
     return false;

@@ -20,6 +20,7 @@ class Carrier {
  public:
   Carrier();
   // A new command; false when it is the one given up last, or the robot is backing off. The one in force again: true.
+  // A command to stand is never taken for one that is known.
   bool drive(const Drv& command);
   // Gives the command in force up and comes to a stop: hard within 150 ms, or gently
   void abandon(bool hard);
@@ -32,6 +33,8 @@ class Carrier {
   bool backing_off() const { return mode_ == kBackOff; }
   int16_t pwm_left() const { return pwm_left_; }
   int16_t pwm_right() const { return pwm_right_; }
+  // Whose commands the ids below are
+  int32_t boot() const { return command_.boot; }
   int32_t command_id() const { return command_.command_id; }
   int32_t completed_id() const { return completed_id_; }
   int32_t aborted_id() const { return aborted_id_; }

@@ -6,8 +6,8 @@
 
 namespace core {
 
-static const uint16_t kProtocolVersion = 1;
-static const uint16_t kProtocolHash = 0xF657;
+static const uint16_t kProtocolVersion = 2;
+static const uint16_t kProtocolHash = 0x10A1;
 static const uint8_t kStopByte = 0x18;
 
 enum SimState : uint8_t {
@@ -37,6 +37,7 @@ enum OdoFlag : uint8_t {
 enum StopSourceFlag : uint8_t {
   STOP_SOURCE_FLAG_LINE = 1,
   STOP_SOURCE_FLAG_BUTTON = 2,
+  STOP_SOURCE_FLAG_PRESSED = 4,
 };
 
 enum ResetCause : uint8_t {
@@ -142,6 +143,7 @@ inline void write(LineEncoder& line, const SimSta& m, uint32_t now_ms) {
 struct CarSta {
   int32_t state;  // car_state
   int32_t error;  // common/errors.py
+  int32_t boot;  // of the commands that follow
   int32_t command_id;  // in force, 0 = none
   int32_t completed_id;  // the newest one whose heading was reached
   int32_t aborted_id;  // the newest one given up
@@ -157,6 +159,7 @@ inline void write(LineEncoder& line, const CarSta& m, uint32_t now_ms) {
   line.begin("CAR", "CM", now_ms, "STA");
   line.put_field(m.state);
   line.put_field(m.error);
+  line.put_field(m.boot);
   line.put_field(m.command_id);
   line.put_field(m.completed_id);
   line.put_field(m.aborted_id);
@@ -167,6 +170,19 @@ inline void write(LineEncoder& line, const CarSta& m, uint32_t now_ms) {
   line.put_field(m.stop_latched);
   line.put_field(m.battery_mv);
   line.put_field(m.backing_off);
+}
+
+// CAR -> CM, 10 Hz and at once on change
+struct Stp {
+  int32_t latched;  // stop_source bits
+  int32_t epoch;  // of the newest stop that is known, 0 = none since the restart
+  int32_t button_count;  // how often the button was pressed since the restart
+};
+inline void write(LineEncoder& line, const Stp& m, uint32_t now_ms) {
+  line.begin("CAR", "CM", now_ms, "STP");
+  line.put_field(m.latched);
+  line.put_field(m.epoch);
+  line.put_field(m.button_count);
 }
 
 // CAR -> CM, on START, REL, STOP and DRV
@@ -185,27 +201,32 @@ inline void write(LineEncoder& line, const Ack& m, uint32_t now_ms) {
 // CM -> CAR, after HELLO, when the robot may move
 struct Start {
   int32_t hash;  // another one than the board's is refused
+  int32_t epoch;  // an older one than the board's is refused
 };
 static const uint8_t kStartNumber = 1;
 static const char kStartType[] = "START";
 inline bool read(const char* fields, Start* m) {
   if (!read_field(&fields, 0, 65535, &m->hash)) return false;
+  if (!read_field(&fields, 0, 2147483647, &m->epoch)) return false;
   return *fields == 0;
 }
 
 // CM -> CAR, 10 Hz while the robot may move
 struct Hb {
   int32_t seq;
+  int32_t epoch;  // of the permit; an older one than the board's is no heartbeat
 };
 static const uint8_t kHbNumber = 2;
 static const char kHbType[] = "HB";
 inline bool read(const char* fields, Hb* m) {
   if (!read_field(&fields, 0, 65535, &m->seq)) return false;
+  if (!read_field(&fields, 0, 2147483647, &m->epoch)) return false;
   return *fields == 0;
 }
 
 // PLN -> CAR, on a new command, then 10 Hz until it is in force
 struct Drv {
+  int32_t boot;  // of the planner, which counts its commands anew
   int32_t command_id;
   int32_t speed;  // REVERSE, STOP, MEDIUM, HIGH
   int32_t yaw_cdeg;  // 0.01 deg
@@ -213,27 +234,32 @@ struct Drv {
 static const uint8_t kDrvNumber = 3;
 static const char kDrvType[] = "DRV";
 inline bool read(const char* fields, Drv* m) {
+  if (!read_field(&fields, 0, 65535, &m->boot)) return false;
   if (!read_field(&fields, 1, 2147483647, &m->command_id)) return false;
   if (!read_field(&fields, -1, 2, &m->speed)) return false;
   if (!read_field(&fields, 0, 35999, &m->yaw_cdeg)) return false;
   return *fields == 0;
 }
 
-// CM -> CAR, like the stop byte
+// CM -> CAR, like the stop byte, and until the board knows the epoch
 struct Stop {
+  int32_t epoch;
 };
 static const uint8_t kStopNumber = 4;
 static const char kStopType[] = "STOP";
-inline bool read(const char* fields, Stop*) {
+inline bool read(const char* fields, Stop* m) {
+  if (!read_field(&fields, 0, 2147483647, &m->epoch)) return false;
   return *fields == 0;
 }
 
 // CM -> CAR, releases the latched stop; moves nothing
 struct Rel {
+  int32_t epoch;  // an older one than the board's is refused
 };
 static const uint8_t kRelNumber = 5;
 static const char kRelType[] = "REL";
-inline bool read(const char* fields, Rel*) {
+inline bool read(const char* fields, Rel* m) {
+  if (!read_field(&fields, 0, 2147483647, &m->epoch)) return false;
   return *fields == 0;
 }
 

@@ -13,8 +13,9 @@ int32_t limited(int32_t value, int32_t maximum) { return value > maximum ? maxim
 }  // namespace
 
 Robot::Robot(hal::Hal& hardware)
-    : hardware_(hardware), state_(CAR_STATE_BOOT), told_(), now_us_(hardware.micros()), now_ms_(0), rest_us_(0),
-      next_tick_us_(now_us_), heartbeat_ms_(0), hello_ms_(0), sequence_(0), ticks_(0), stop_sources_(0),
+    : hardware_(hardware), state_(CAR_STATE_BOOT), told_(), told_stop_(), now_us_(hardware.micros()), now_ms_(0), rest_us_(0),
+      next_tick_us_(now_us_), heartbeat_ms_(0), hello_ms_(0), stop_epoch_(0), sequence_(0), button_count_(0),
+      ticks_(0), stop_sources_(0),
       heartbeat_seen_(false), armed_(false), enabled_(false), lost_(false), said_hello_(false), started_once_(false),
       switches_() {
   hardware_.motors(0, 0);
@@ -60,15 +61,17 @@ void Robot::handle(const Line& line) {
   Stop stop_message;
   Rel release_message;
   if (same(line.type, kHbType) && read(line.fields, &heartbeat)) {
+    if (!in_time(heartbeat.epoch)) return;
     heartbeat_ms_ = now_ms_;
     heartbeat_seen_ = true;
   } else if (same(line.type, kDrvType) && read(line.fields, &drive_message)) {
     acknowledge(kDrvNumber, drive_message.command_id, drive(drive_message));
   } else if (same(line.type, kStopType) && read(line.fields, &stop_message)) {
     stop(STOP_SOURCE_FLAG_LINE);
+    in_time(stop_message.epoch);
     acknowledge(kStopNumber, 0, true);
   } else if (same(line.type, kRelType) && read(line.fields, &release_message)) {
-    acknowledge(kRelNumber, 0, release());
+    acknowledge(kRelNumber, 0, release(release_message));
   } else if (same(line.type, kStartType) && read(line.fields, &start_message)) {
     acknowledge(kStartNumber, 0, start(start_message));
   }
@@ -91,14 +94,20 @@ void Robot::stop(uint8_t source) {
   hardware_.motors(0, 0);
 }
 
-bool Robot::release() {
-  if (hardware_.switches().stop_button) return false;
+bool Robot::in_time(int32_t epoch) {
+  if (epoch < stop_epoch_) return false;
+  stop_epoch_ = epoch;
+  return true;
+}
+
+bool Robot::release(const Rel& message) {
+  if (!in_time(message.epoch) || hardware_.switches().stop_button) return false;
   stop_sources_ = 0;
   return true;
 }
 
 bool Robot::start(const Start& message) {
-  if (message.hash != kProtocolHash || stop_sources_) return false;
+  if (message.hash != kProtocolHash || !in_time(message.epoch) || stop_sources_) return false;
   armed_ = true;
   lost_ = false;
   started_once_ = true;
@@ -126,7 +135,9 @@ uint8_t Robot::conditions() const {
 }
 
 void Robot::tick() {
+  const bool was_pressed = switches_.stop_button;
   switches_ = hardware_.switches();
+  if (switches_.stop_button && !was_pressed) ++button_count_;
   if (switches_.stop_button && !(stop_sources_ & STOP_SOURCE_FLAG_BUTTON)) stop(STOP_SOURCE_FLAG_BUTTON);
   odometry_.update(hardware_, now_us_, carrier_.pwm_left() == 0 && carrier_.pwm_right() == 0);
   if (sonars_.take_news(kLeft)) odometry_.hear_wall(false, sonars_.range_mm(kLeft));
@@ -192,6 +203,7 @@ void Robot::report() {
                        status.aborted_id != told_.aborted_id || status.enabled != told_.enabled ||
                        status.stop_latched != told_.stop_latched;
   if (changed || ticks_ == 6) report_car(status);
+  report_stop(ticks_ == 8);
   const bool due = !said_hello_ || now_ms_ - hello_ms_ >= config::kHello_ms;
   if (!armed_ && due) say_hello();
   ticks_ = static_cast<uint8_t>((ticks_ + 1) % config::kReportTicks);
@@ -258,6 +270,7 @@ CarSta Robot::car_status() const {
   if (lost_) status.error = kHeartbeatLost;
   if (stop_sources_) status.error = kStopped;
   if (!started_once_ && hardware_.reset_cause() == RESET_CAUSE_WATCHDOG) status.error = kLoopLockup;
+  status.boot = carrier_.boot();
   status.command_id = carrier_.command_id();
   status.completed_id = carrier_.completed_id();
   status.aborted_id = carrier_.aborted_id();
@@ -274,6 +287,19 @@ CarSta Robot::car_status() const {
 void Robot::report_car(const CarSta& status) {
   told_ = status;
   send(status);
+}
+
+void Robot::report_stop(bool due) {
+  Stp stop;
+  stop.latched = stop_sources_;
+  if (switches_.stop_button) stop.latched |= STOP_SOURCE_FLAG_PRESSED;
+  stop.epoch = stop_epoch_;
+  stop.button_count = button_count_;
+  const bool changed = stop.latched != told_stop_.latched || stop.epoch != told_stop_.epoch ||
+                       stop.button_count != told_stop_.button_count;
+  if (!changed && !due) return;
+  told_stop_ = stop;
+  send(stop);
 }
 
 void Robot::say_hello() {

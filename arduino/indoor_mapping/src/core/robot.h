@@ -24,7 +24,9 @@ class Robot {
   void handle(const Line& line);
   void acknowledge(uint8_t number, int32_t id, bool done);
   void stop(uint8_t source);
-  bool release();
+  // Whether what came was said in the newest stop epoch that this board knows, or in a newer one, which it then knows
+  bool in_time(int32_t epoch);
+  bool release(const Rel& message);
   bool start(const Start& message);
   bool drive(const Drv& message);
   void tick();
@@ -36,6 +38,7 @@ class Robot {
   void report_sim();
   CarSta car_status() const;
   void report_car(const CarSta& status);
+  void report_stop(bool due);
   void say_hello();
   template <typename Message>
   void send(const Message& message);
@@ -49,12 +52,15 @@ class Robot {
   Carrier carrier_;
   CarState state_;
   CarSta told_;             // what the last report of the Carrier said
+  Stp told_stop_;           // and that of the stop
   uint32_t now_us_, now_ms_;
   uint16_t rest_us_;
   uint32_t next_tick_us_;
   uint32_t heartbeat_ms_;
   uint32_t hello_ms_;
+  int32_t stop_epoch_;      // 0: none known since the restart
   uint16_t sequence_;
+  uint16_t button_count_;   // presses
   uint8_t ticks_;
   uint8_t stop_sources_;
   bool heartbeat_seen_, armed_, enabled_, lost_, said_hello_, started_once_;

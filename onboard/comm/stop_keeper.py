@@ -1,0 +1,84 @@
+"""The stop owner with its disk. The disk has a thread of its own: a stop is in the permit before it is in the file."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+from common.disk_worker import DiskError, DiskWorker
+from onboard.comm import stop_owner
+from onboard.comm.stop_owner import StopOwner
+from onboard.comm.stop_record import DamagedRecord, StopRecord, read_record, write_record
+
+RETRY_S = 1.0  # after the disk refused
+
+_log = logging.getLogger("comm")
+
+
+class StopKeeper:
+    """Part of comm. Without a file it forgets, for lockstep and tests, and begins as a robot that was never stopped."""
+
+    def __init__(self, file: Path | None, life: int = 1) -> None:
+        """`life`: another number after each restart."""
+        self._file = file
+        self._disk: DiskWorker[StopRecord] = DiskWorker("stop", at_once=file is None)
+        self._retry_s = float("-inf")
+        self.trouble = ""  # why the disk does not take the record
+        self.state: StopOwner = stop_owner.owner(_load(file) if file is not None else StopRecord(), life)
+        # Before anything is heard: a stop that acts, and is lost with this process before it is stored, shall be missed
+        try:
+            self._took(self._store(self.state.wanted))
+        except OSError as error:
+            self._refused(error)
+
+    def change(self, after: Callable[[StopOwner], StopOwner]) -> None:
+        """One event, as a function of `stop_owner`."""
+        self._become(after(self.state))
+
+    def step(self, now_s: float) -> None:
+        """Looks what the disk has done, and gives it what is new."""
+        outcome = self._disk.outcome()
+        if outcome is not None and outcome.error is not None:
+            self._refused(outcome.error)
+            self._retry_s = now_s + RETRY_S
+        elif outcome is not None and outcome.value is not None:
+            self._took(outcome.value)
+        wanted = self.state.to_store
+        if wanted is not None and not self._disk.busy and now_s >= self._retry_s:
+            self._disk.begin(lambda: self._store(wanted))
+
+    def close(self) -> None:
+        """Waits for what is being stored."""
+        self._disk.close()
+
+    def _store(self, record: StopRecord) -> StopRecord:
+        if self._file is not None:
+            write_record(self._file, record)
+        return record
+
+    def _took(self, record: StopRecord) -> None:
+        self.trouble = ""
+        self._become(stop_owner.stored(self.state, record))
+
+    def _refused(self, error: DiskError) -> None:
+        self.trouble = getattr(error, "strerror", None) or str(error)
+        _log.error("stop record not stored file=%s error=%s", self._file, self.trouble)
+
+    def _become(self, state: StopOwner) -> None:
+        before, self.state = self.state, state
+        if (state.phase, state.record.epoch) != (before.phase, before.record.epoch):
+            sources = ",".join(state.record.sources) or "-"
+            _log.info("stop phase=%s epoch=%d sources=%s", state.phase.name, state.record.epoch, sources)
+
+
+def _load(file: Path) -> StopRecord | None:
+    """None, which counts as a stop, for a record that is missing or cannot be read."""
+    try:
+        record = read_record(file)
+    except (OSError, DamagedRecord) as error:
+        _log.warning("stop record cannot be read, which counts as a stop: %s", error)
+        return None
+    if record is None:
+        _log.warning("no stop record, which counts as a stop file=%s", file)
+    return record

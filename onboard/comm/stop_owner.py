@@ -1,0 +1,145 @@
+"""Who may say that the robot moves again: comm's state machine of stop, release and resume. Pure.
+
+    latched --release(epoch)--> released --resume(epoch)--> resumed
+       ^                           |                           |
+       +---------- a press: epoch + 1, from any of them -------+
+
+What stops acts at once and is stored then; what lets the robot move acts only once it is stored. So whatever dies or
+loses power, and whenever: after a latched stop nothing moves before a release of its epoch and a resume of its epoch.
+
+A record that is missing or damaged counts as a stop. After a restart the bridge says which epochs it and the board know
+(`BridgeWord`). Where one is newer, the record is too old; where the bridge was restarted as well, as after every power
+cut, a stop may have acted that was not stored. Both count as a stop, and a stop that is latched over a restart gets a
+new epoch, above all that were ever named. A press that reached only a comm which died with it is not confirmed, so
+whoever pressed sends it again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from onboard.comm.stop_record import Stop, StopRecord
+
+LOST_RECORD = "lost record"  # the source of a stop that nobody pressed: nobody knows whether one was
+RESTART = "restart"
+EPOCHS_LOST_MAX = 1000  # as many may have been given out and never stored
+
+
+class Phase(Enum):
+    """What is missing before the robot may move, as far as stops go; the value is what people are told."""
+
+    LATCHED = "stopped"
+    ASKING = "the bridge has not said yet which stop it knows"
+    RELEASED = "released, waiting for a resume"
+    RESUMED = "no stop"
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeWord:
+    """What the bridge reports of stops."""
+
+    life: int  # of the comm whose permit it answers
+    bridge_epoch: int  # the newest that it received in a permit, 0 = none since its start
+    board_epoch: int
+    stops: tuple[Stop, ...] = ()  # that no permit has quoted
+    button_pressed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class StopOwner:
+    """One state. `record` is in force, `wanted` is what the disk shall hold next, `durable` what it holds.
+
+    `wanted` differs from `record` while something that lets the robot move waits for the disk. `asked` is the record
+    as it was loaded, until the bridge has answered.
+    """
+
+    life: int
+    record: StopRecord
+    wanted: StopRecord
+    durable: StopRecord | None
+    asked: StopRecord | None
+    button_pressed: bool = False
+
+    @property
+    def phase(self) -> Phase:
+        if self.record.latched:
+            return Phase.LATCHED
+        if self.asked is not None:
+            return Phase.ASKING
+        return Phase.RESUMED if self.record.resumed else Phase.RELEASED
+
+    @property
+    def epoch(self) -> int:
+        """What a permit quotes: 0 until the bridge has answered, or the bridge would learn what it is asked for."""
+        return self.record.epoch if self.asked is None else 0
+
+    @property
+    def to_store(self) -> StopRecord | None:
+        return None if self.wanted == self.durable else self.wanted
+
+    @property
+    def may_grant(self) -> bool:
+        """As far as stops go; never while the disk holds something else."""
+        return self.phase is Phase.RESUMED and self.durable == self.record
+
+
+def owner(loaded: StopRecord | None, life: int) -> StopOwner:
+    """At the start of comm. `loaded`: None for a record that is missing or damaged; `life`: another one each time."""
+    asked = loaded or StopRecord(0, (Stop(LOST_RECORD, life),), resumed=False)
+    record = replace(asked, used=True)
+    return StopOwner(life, record, record, loaded, asked)
+
+
+def press(state: StopOwner, stop: Stop) -> StopOwner:
+    """In force at once; what waited for the disk to let the robot move is dropped."""
+    return _in_force(state, state.record.pressed(stop))
+
+
+def release(state: StopOwner, epoch: int) -> StopOwner:
+    """By a person who names what is released; nothing changes while the robot's own button is pressed."""
+    return state if state.button_pressed else _once_stored(state, state.record.released(epoch))
+
+
+def resume(state: StopOwner, epoch: int) -> StopOwner:
+    """By a person who names the stop after which the robot may go on."""
+    return _once_stored(state, state.record.resumed_after(epoch))
+
+
+def heard(state: StopOwner, word: BridgeWord) -> StopOwner:
+    """The bridge's newest report."""
+    state = replace(state, button_pressed=word.button_pressed)
+    if state.asked is not None and word.life == state.life:
+        state = _answered(state, state.asked, word)
+    for stop in word.stops:
+        state = press(state, stop)
+    return state
+
+
+def stored(state: StopOwner, record: StopRecord) -> StopOwner:
+    """The disk holds `record` now."""
+    state = replace(state, durable=record)
+    return replace(state, record=record) if record == state.wanted else state
+
+
+def _in_force(state: StopOwner, record: StopRecord) -> StopOwner:
+    return replace(state, record=record, wanted=record)
+
+
+def _once_stored(state: StopOwner, wanted: StopRecord) -> StopOwner:
+    if state.asked is not None or wanted == state.record:
+        return state
+    return replace(state, wanted=wanted)
+
+
+def _answered(state: StopOwner, loaded: StopRecord, word: BridgeWord) -> StopOwner:
+    state = replace(state, asked=None)
+    known_epoch = max(word.bridge_epoch, word.board_epoch)
+    too_old = known_epoch > loaded.epoch
+    nobody_knows = word.bridge_epoch == 0 and loaded.used
+    record = state.record
+    if not (record.latched or too_old or nobody_knows):
+        return state
+    stops = record.stops or (Stop(RESTART, state.life),)
+    epoch = max(record.epoch, known_epoch) + EPOCHS_LOST_MAX
+    return _in_force(state, replace(record, epoch=epoch, stops=stops, resumed=False))
