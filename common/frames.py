@@ -20,6 +20,8 @@ from common.undecodable import Undecodable
 RECENT_COUNT = 512
 RECENT_BYTES = 1_000_000  # of each topic: three maps of a kilometre's drive
 MESSAGE_BYTES_MAX = 16_000_000  # no message of ours is longer; a longer one is dropped unseen
+QUESTION_BYTES_MAX = 4096  # KNOWN_BOOTS of them need a sixth of it
+ANSWER_COUNT_MAX = 100_000  # messages in one answer: two a second for half a day
 TAP_LENGTH = 4096  # messages that may wait for the node's thread
 KNOWN_BOOTS = 32  # restarts per topic that are remembered
 HELD_MAX = 1024
@@ -205,7 +207,7 @@ class Tap:
     def _fill(self, key: str, pack: bytes, now_s: float) -> list[Frame]:
         frames: list[Frame] = []
         newest: dict[int, int] = {}
-        for data in unpack_messages(pack):
+        for data in unpack_messages(pack, RECENT_COUNT):
             frame = self._frame(key, data)
             if frame is not None:
                 frames += self._order.add(frame, now_s)
@@ -245,10 +247,14 @@ def asked_after(asked: bytes, boot_id: int) -> int:
     return sequence if isinstance(sequence, int) else 0
 
 
-def unpack_messages(pack: bytes) -> list[bytes]:
-    """The messages in an answer; none when it makes no sense."""
+def unpack_messages(pack: bytes, count_max: int = ANSWER_COUNT_MAX) -> list[bytes]:
+    """The messages in an answer, or its first `count_max`; none when it makes no sense."""
+    # One after the other: a list of lists of the same length would fill the memory
+    unpacker = msgpack.Unpacker(max_buffer_size=max(1, len(pack)), max_array_len=0, max_map_len=0, max_ext_len=0)
+    unpacker.feed(pack)
     try:
-        messages = msgpack.unpackb(pack)
+        count = min(unpacker.read_array_header(), count_max)
+        messages = [unpacker.unpack() for _ in range(count)]
     except (ValueError, msgpack.UnpackException):
         return []
-    return [m for m in messages if isinstance(m, bytes)] if isinstance(messages, list) else []
+    return [message for message in messages if isinstance(message, bytes)]

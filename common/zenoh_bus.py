@@ -25,7 +25,7 @@ from common.config import Config
 from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, Tap
 from common.messages import PERMIT, Stance, Topic
 from common.zenoh_inbox import QUERY_TIMEOUT_S, Inbox, Reader
-from common.zenoh_outbox import Outbox
+from common.zenoh_outbox import Answers, Outbox
 from common.zenoh_session import (
     Mode,
     close_sessions,
@@ -59,6 +59,7 @@ class ZenohBus:
         self._boot_id = secrets.randbits(48)
         self._inboxes: dict[str, Inbox[Any]] = {}
         self._outboxes: dict[str, Outbox[Any]] = {}
+        self._answers = Answers()
         self._tokens: set[str] = set()
         self._tap: Tap | None = None
         self._listeners: list[Any] = []  # subscribers without an inbox
@@ -100,7 +101,8 @@ class ZenohBus:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:
             session = self._session_for(topic)
-            outbox = self._outboxes[topic.key] = Outbox(session, self._key(topic), topic, self._boot_id)
+            outbox = Outbox(session, self._key(topic), topic, self._boot_id, self._answers)
+            self._outboxes[topic.key] = outbox
         if self.gate.holds_back(topic, payload):
             return
         outbox.publish(payload, partial(self.gate.seal, topic, payload))

@@ -1,7 +1,7 @@
 """What a process hears of one topic: Zenoh's threads store raw bytes, which are decoded when the node looks.
 
 STATE topics: a subscriber asks for everything since the newest full snapshot when it joins, when the publisher appears,
-and when a sequence number is missing, and keeps what comes live until the answer.
+and when what an increment goes on from is missing, and keeps what comes live until the answer.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Inbox(Generic[P]):
         self._replies: list[tuple[float, bytes]] = []
         self._lock = threading.Lock()
         self._query_due = self._is_state
-        self._query_running = self._query_answered = False
+        self._query_running = self._query_refused = self._query_answered = False
         self._asked_wall_s = float("-inf")
         self._subscriber: Any = None
         self._subscribe()
@@ -138,7 +138,8 @@ class Inbox(Generic[P]):
         self._arrived()
 
     def _misses_some(self, envelope: Envelope[P]) -> bool:
-        return self._is_state and envelope.sequence > self.sequences.get(envelope.boot_id, 0) + 1
+        goes_on = self._is_state and getattr(envelope.payload, "start", 0) > 0
+        return goes_on and envelope.sequence > self.sequences.get(envelope.boot_id, 0) + 1
 
     def _accept(self, arrived_s: float, envelope: Envelope[P] | None) -> None:
         if envelope is None or envelope.sequence <= self.sequences.get(envelope.boot_id, 0):
@@ -155,15 +156,19 @@ class Inbox(Generic[P]):
         if wall_s - self._asked_wall_s < _QUERY_PAUSE_S:
             return
         self._asked_wall_s, self._query_due, self._query_running = wall_s, False, True
+        self._query_refused = False
 
         def store(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
+            if reply.ok is None:
+                self._query_refused = True  # or it came too late: it is asked again
+            else:
                 arrival = (self._clock.now_s(), bytes(reply.ok.payload))
                 with self._lock:
                     self._replies.append(arrival)
 
         def finished() -> None:
-            self._query_answered = True
+            self._query_answered = not self._query_refused
+            self._query_due |= self._query_refused
             self._query_running = False
 
         self._session.get(

@@ -2,21 +2,25 @@
 
 STATE topics answer a query with everything since the newest full snapshot. Recorded topics answer the same query with a
 question in it (`frames.question`) from their newest messages, so that who records them misses nothing while it is
-restarted.
+restarted. What is asked for beyond the process's budget is refused; the asker asks again.
 """
 
 from __future__ import annotations
 
+import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 import msgpack
 import zenoh
 
+from common.answer_budget import AnswerBudget
 from common.codec import encode
-from common.frames import RecentMessages, asked_after
+from common.frames import QUESTION_BYTES_MAX, RecentMessages, asked_after
 from common.messages import Stance, Topic
+from common.repeats import Repeats
 from common.zenoh_session import direct
 
 P = TypeVar("P")
@@ -31,13 +35,34 @@ _PRIORITY = {
 # Nobody waits for a full link, or the robot would stand for it: what is recorded and was dropped is asked for again
 _CONGESTION = zenoh.CongestionControl.DROP
 
+_log = logging.getLogger(__name__)
+
+
+class Answers:
+    """What all publishers of a process share: how much they answer, and how often they had to refuse."""
+
+    def __init__(self) -> None:
+        self._budget = AnswerBudget()
+        self._repeats = Repeats()
+        self._lock = threading.Lock()
+
+    def refuses(self, key: str, messages: list[bytes]) -> bool:
+        now_s = time.monotonic()
+        with self._lock:
+            if self._budget.allows(sum(map(len, messages)), now_s):
+                return False
+            count = self._repeats.count(key, now_s)
+        if count:
+            _log.warning("a question was refused: more is asked than may be answered key=%s count=%d", key, count)
+        return True
+
 
 class Outbox(Generic[P]):
     """One publisher. `sequence` is the number of the newest message."""
 
-    def __init__(self, session: zenoh.Session, key: str, topic: Topic[P], boot_id: int) -> None:
+    def __init__(self, session: zenoh.Session, key: str, topic: Topic[P], boot_id: int, answers: Answers) -> None:
         self.sequence = 0
-        self._key, self._boot_id = key, boot_id
+        self._key, self._boot_id, self._answers = key, boot_id, answers
         self._lock = threading.Lock()
         self._history: list[bytes] | None = [] if topic.stance is Stance.STATE else None  # since the newest snapshot
         self._recent = RecentMessages() if topic.recorded else None
@@ -65,9 +90,13 @@ class Outbox(Generic[P]):
 
     def _answer(self, query: zenoh.Query) -> None:
         asked = query.payload
+        if asked is not None and len(asked) > QUESTION_BYTES_MAX:
+            return
         with self._lock:
-            messages = self._history or []
+            messages = list(self._history or ())
             if asked is not None and self._recent is not None:
                 messages = self._recent.after(asked_after(bytes(asked), self._boot_id))
-            pack = msgpack.packb(messages)
-        query.reply(self._key, pack)
+        if self._answers.refuses(self._key, messages):
+            query.reply_err(b"later")
+        else:
+            query.reply(self._key, msgpack.packb(messages))

@@ -28,6 +28,7 @@ from common import access
 from common.clock import FREE_LEASE_S
 from common.config import Config
 from common.errors import StartError
+from common.frames import MESSAGE_BYTES_MAX
 from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
 from common.messages import ON_ROBOT, STOP
 
@@ -42,6 +43,8 @@ _OPEN_TIMEOUT_S = 2.5
 # must be done within a lease. What is longer than a queue would wait even for a link that is only slow
 _BLOCKED_S = 0.1
 _ANSWER_QUEUE = 16  # batches of 64 kB, enough for an answer of RECENT_BYTES
+# Collected piece by piece before anybody may judge it: what a message is beside its payload is much less
+_TRANSPORTED_BYTES_MAX = MESSAGE_BYTES_MAX + 64_000
 _COMMANDS = "{} commands"  # the name of the session that carries nothing else
 # Peers to whom others connect. Each has an address of its own on loopback, at the port of the router beside it, so that
 # several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
@@ -131,6 +134,7 @@ def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
         "scouting/gossip/enabled": False,
         "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
         "transport/unicast/open_timeout": round(1000 * _OPEN_TIMEOUT_S),
+        "transport/link/rx/max_message_size": _TRANSPORTED_BYTES_MAX,
         "transport/link/tx/lease": round(1000 * lease_s),
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/real_time": 16,
@@ -143,7 +147,7 @@ def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
     if way.keys is not None:
         values["transport/link/tls"] = _tls(way.keys)
     if way.rules is not None:
-        values["access_control"] = way.rules
+        values |= way.rules
     config = zenoh.Config()
     for key, value in values.items():
         config.insert_json5(key, json.dumps(value))

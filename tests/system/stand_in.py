@@ -1,8 +1,8 @@
 """A process that stands in for a module: `python stand_in.py NAME --config robot.toml`.
 
-Every one is ready at once, and its status names whom it knows to be there. "planner" drives from a start or a resume
-on; "bridge" has a board that knows every stop at once, and moves while its gate lets it and it is asked to drive;
-"simulator" leads the shared clock.
+Every one is ready at once, and its status names whom it knows to be there. "mmu" has a map; "planner" drives from a
+start or a resume on; "bridge" has a board that knows every stop at once, and moves while its gate lets it and it is
+asked to drive; "simulator" leads the shared clock.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from common.config import Config
 from common.messages import (
     CARRIER,
     DRIVE,
+    MAP,
     ODOMETRY,
     OPERATION,
     PERMIT,
@@ -24,6 +25,7 @@ from common.messages import (
     STATUS,
     STOP,
     DriveCommand,
+    MapUpdate,
     Odometry,
     Operation,
     PlannerView,
@@ -35,6 +37,8 @@ from common.zenoh_bus import ZenohBus
 from onboard.bridge.motion_gate import MotionGate
 from onboard.bridge.protocol import CarSta, CarState, Stp
 from onboard.bridge.translation import carrier_report
+
+MAP_POINTS = 12_000  # 108 kB
 
 
 class StandIn:
@@ -51,6 +55,19 @@ class StandIn:
 
     def close(self) -> None:
         pass
+
+
+class StandInMmu(StandIn):
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._has_map = False
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        super().step(bus, now_s)
+        if not self._has_map:
+            points_m = np.zeros((MAP_POINTS, 2), np.float32)
+            bus.publish(MAP, MapUpdate(now_s, 1, 0, points_m, np.zeros(MAP_POINTS, np.uint8)))
+        self._has_map = True
 
 
 class StandInPlanner(StandIn):
@@ -88,7 +105,7 @@ class StandInBridge(StandIn):
 
 
 def make(_: Config, arguments: argparse.Namespace) -> StandIn:
-    kinds = {"planner": StandInPlanner, "bridge": StandInBridge}
+    kinds = {"mmu": StandInMmu, "planner": StandInPlanner, "bridge": StandInBridge}
     return kinds.get(arguments.name, StandIn)(arguments.name)
 
 

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import shutil
 import socket
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zenoh
 
+from common.answer_budget import BURST_BYTES, RATE_BYTES_S
 from common.codec import encode
 from common.config import config_text
+from common.constants import PERMIT_RATE_HZ
 from common.keys import AUTHORITY
 from common.messages import (
     DRIVE,
+    MAP,
     OPERATION,
     PERMIT,
+    PLAN,
+    STATUS,
     STOP,
     DriveCommand,
     Operation,
@@ -40,6 +47,7 @@ from tests.system.conftest import Mesh, free_endpoint, until
 
 certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
 pytestmark = pytest.mark.timeout(60)
+FLOOD_S = 2.0
 LATER = datetime.now(UTC) + timedelta(days=1)
 HOSTS = {"robot": ["127.0.0.1"]}
 Sealed = tuple[str, bytes, bytes | None]  # key, message, seal
@@ -207,6 +215,50 @@ def test_a_viewers_certificate_sees_the_robot_and_moves_nothing(keyed: KeyedMesh
         assert len(seen) >= 3
         ear.undeclare()
     keyed.await_complaints(*(no_right("certificate=viewer", topic) for topic in (STOP, OPERATION, PERMIT, DRIVE)))
+
+
+class Flood:
+    """Questions over a link, as fast as this process can ask, and what was answered."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.asked = self.answers = self.answered_bytes = 0
+        self._session = session
+        self._handler = zenoh.handlers.Callback(self._take, indirect=False)
+
+    def _take(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self.answers += 1
+            self.answered_bytes += len(reply.ok.payload)
+
+    def ask(self, key: str, payload: bytes | None = None) -> None:
+        self.asked += 1
+        self._session.get(key, self._handler, payload=payload, timeout=1.0)
+
+
+@pytest.mark.parametrize("role", ["viewer", "laptop"])
+@pytest.mark.requirement("CM_MR_02")
+def test_a_flood_of_questions_refuses_no_permit_and_is_answered_within_bounds(keyed: KeyedMesh, role: str) -> None:
+    keyed.go()
+    with zenoh.open(session_config(keyed.by_tls(keyed.keys / role))) as session:
+        flood = Flood(session)
+        until(lambda: session.info.links(), what="the link")
+        began_s, before = time.monotonic(), len(keyed.permits)
+
+        def over() -> bool:
+            for _ in range(100):
+                for topic in (MAP, PLAN, STATUS["mmu"], PERMIT):
+                    flood.ask(keyed.keyed(topic))
+                flood.ask(keyed.keyed(MAP), bytes(10_000))
+            return time.monotonic() - began_s > FLOOD_S
+
+        until(over, what="the flood")
+        permits = keyed.permits[before:]
+        allowed_bytes = BURST_BYTES + RATE_BYTES_S * (time.monotonic() - began_s) if role == "laptop" else 0
+        assert flood.answered_bytes <= allowed_bytes
+        assert bool(flood.answers) == (role == "laptop")
+    assert all(permit.granted for _, permit in permits), {permit.reason for _, permit in permits}
+    assert max(later - earlier for (earlier, _), (later, _) in pairwise(permits)) < 3 / PERMIT_RATE_HZ
+    assert flood.asked > 5_000
 
 
 def own_address() -> str:

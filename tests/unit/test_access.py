@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from common.access import ROLES, heard_keys, laptop_rules, robot_rules, role_of, said_keys
-from common.messages import OPERATION, ROBOT_SENDERS, STOP, TOPICS
+from common.access import ROLES, asked_keys, heard_keys, laptop_rules, robot_rules, role_of, said_keys
+from common.messages import OPERATION, ROBOT_SENDERS, STOP, TOPICS, Stance
 
 COMMANDS = {STOP.key, OPERATION.key}
 
@@ -44,8 +44,25 @@ def test_tokens_are_said_by_their_own_role_only() -> None:
         ]
 
 
+def test_only_who_reads_a_state_or_records_may_ask_for_what_was_said() -> None:
+    states = {topic.key for topic in TOPICS if topic.stance is Stance.STATE}
+    assert asked_keys("viewer") == []
+    assert asked_keys("pi") == ["mmu/map", "mmu/grid"]
+    assert set(asked_keys("command_center")) == states - {"mmu/grid"}
+    assert states | COMMANDS <= set(asked_keys("laptop"))
+    assert "mmu/pose" not in asked_keys("laptop")
+
+
+def test_every_key_that_may_be_heard_is_one_topic() -> None:
+    """Of subscriptions with a name each nobody can make more than there are topics."""
+    for role in ROLES:
+        wild = [key for key in heard_keys(role) if "*" in key]
+        assert wild == ([] if role == "viewer" else ["*/alive"])
+
+
 @pytest.mark.parametrize("rules", [robot_rules("r"), laptop_rules("r")])
 def test_what_is_not_allowed_is_denied(rules: dict[str, Any]) -> None:
+    rules = rules["access_control"]
     assert rules["enabled"] is True
     assert rules["default_permission"] == "deny"
     names = {rule["id"] for rule in rules["rules"]}

@@ -5,11 +5,22 @@ from __future__ import annotations
 import random
 
 import msgpack
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from common.codec import encode
-from common.frames import RECENT_BYTES, RECENT_COUNT, Frame, FrameOrder, RecentMessages, Tap, asked_after, question
+from common.frames import (
+    RECENT_BYTES,
+    RECENT_COUNT,
+    Frame,
+    FrameOrder,
+    RecentMessages,
+    Tap,
+    asked_after,
+    question,
+    unpack_messages,
+)
 from common.messages import POSE, STATUS, Status
 
 KEY = STATUS["mmu"].key
@@ -146,3 +157,15 @@ def test_a_question_names_the_newest_number_of_the_boot_that_is_asked() -> None:
     assert (asked_after(asked, BOOT), asked_after(asked, 8), asked_after(asked, 9)) == (12, 3, 0)
     assert asked_after(b"\xc1", BOOT) == 0
     assert POSE.recorded
+
+
+@pytest.mark.parametrize("content", [[[]] * 1000, [{}], [[b"a"]], b"a", None, {}])
+def test_an_answer_that_is_no_list_of_messages_is_none(content: object) -> None:
+    pack = msgpack.packb(content)
+    assert unpack_messages(pack) == []
+    assert unpack_messages(pack[:-1]) == []
+
+
+def test_of_an_endless_answer_only_the_beginning_is_read() -> None:
+    assert unpack_messages(msgpack.packb([b"a"] * 1000), 3) == [b"a"] * 3
+    assert unpack_messages(b"\xdd\xff\xff\xff\xff") == []

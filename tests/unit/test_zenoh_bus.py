@@ -212,6 +212,38 @@ def test_missed_increments_are_asked_for(open_bus: Open, config: Config) -> None
     assert starts == sorted(starts)
 
 
+def test_a_question_that_is_refused_is_asked_again(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    open_bus("comm", "router")
+    sender, late = open_bus("mmu"), open_bus("visualizer")
+    refusals = [True, True]
+    monkeypatch.setattr(sender._answers, "refuses", lambda *_: bool(refusals) and refusals.pop())
+    for update in (wall(0, 3), wall(3, 2)):
+        sender.publish(MAP, update)
+    starts: list[int] = []
+
+    def whole() -> bool:
+        starts.extend(update.start for update in late.take(MAP))
+        return len(starts) >= 2
+
+    until(whole)
+    assert starts == [0, 3]
+    assert not refusals
+
+
+def test_a_snapshot_is_taken_though_every_question_is_refused(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+    open_bus("comm", "router")
+    sender, planner = open_bus("mmu"), open_bus("planner")
+    monkeypatch.setattr(sender._answers, "refuses", lambda *_: True)
+    sender.publish(GRID, grid(1))
+    until(lambda: any(reply.err for reply in planner._session.get(planner._key(GRID))))
+
+    def newest() -> bool:
+        sender.publish(GRID, grid(2))
+        return planner.latest(GRID) == grid(2)
+
+    until(newest)
+
+
 def test_token_goes_when_a_process_leaves(open_bus: Open) -> None:
     comm, mmu = open_bus("comm", "router"), open_bus("mmu")
     until(lambda: {"comm", "mmu"} <= comm.alive_tokens())

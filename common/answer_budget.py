@@ -1,0 +1,31 @@
+"""How much a process answers to questions about what was said before: what lives must not wait for it. Pure.
+
+A token bucket of bytes. Every answer costs something, so that it bounds their rate as well.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+RATE_BYTES_S = 2_000_000  # what a fair Wi-Fi carries; nobody drives by what is asked for
+BURST_BYTES = 4_000_000  # all that a process has kept, for one who has just come
+ANSWER_BYTES_MIN = 10_000  # what an answer costs at least: two hundred a second in the long run
+
+
+class AnswerBudget:
+    """Of all topics of one process together; whoever uses it from several threads locks it."""
+
+    def __init__(self) -> None:
+        self._left_bytes = float(BURST_BYTES)
+        self._asked_s = inf
+
+    def allows(self, answer_bytes: int, now_s: float) -> bool:
+        """Whether an answer may go out now. One that is longer than the burst may when nothing was answered lately."""
+        self._left_bytes += max(0.0, now_s - self._asked_s) * RATE_BYTES_S
+        self._left_bytes = min(self._left_bytes, BURST_BYTES)
+        self._asked_s = now_s
+        cost_bytes = max(answer_bytes, ANSWER_BYTES_MIN)
+        if self._left_bytes < min(cost_bytes, BURST_BYTES):
+            return False
+        self._left_bytes -= cost_bytes
+        return True
