@@ -94,6 +94,7 @@ class PlannerSection:
 class VisualizerSection:
     host: str = "127.0.0.1"  # where the page is served; "0.0.0.0" shows it to the whole network
     port: int = 8080  # 0: any free one
+    names: tuple[str, ...] = ()  # by which browsers find this machine, besides its own, e.g. "laptop.example.org"
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +185,9 @@ def _check(config: Config, file: str) -> None:
             raise ConfigError(f"{file}: wheels.{key} must be between 0.01 and 2 metres, not {length_m}.")
     if not 0 <= config.visualizer.port <= 65535:
         raise ConfigError(f"{file}: visualizer.port must be between 0 and 65535, not {config.visualizer.port}.")
+    for host in config.visualizer.names:
+        if re.fullmatch(r"[A-Za-z0-9.-]+", host) is None:
+            raise ConfigError(f"{file}: visualizer.names must hold names of this machine, not {host!r}.")
     view_deg = config.poi.field_of_view_deg
     if not 10.0 < view_deg < 170.0:
         raise ConfigError(f"{file}: poi.field_of_view_deg must be between 10 and 170, not {view_deg}.")

@@ -17,7 +17,8 @@ from offboard.visualizer.visualizer import Visualizer
 
 def make_visualizer(config: Config, arguments: argparse.Namespace) -> Visualizer:
     feed = Feed(NoPois() if arguments.run_dir is None else RunFolderPois(arguments.run_dir))
-    server = PageServer(feed, config.visualizer.host, config.visualizer.port, config.robot.name)
+    section = config.visualizer
+    server = PageServer(feed, section.host, section.port, config.robot.name, section.names)
     logging.getLogger("visualizer").info("page address=%s", server.address)
     return Visualizer(feed, server)
 

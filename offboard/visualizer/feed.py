@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from typing import Any
 
 from common.messages import Status, Topic
@@ -50,6 +50,11 @@ class Feed:
     def map_data(self) -> MapData:
         with self._lock:
             return self._model.map_data()
+
+    def drawn(self) -> Hashable:
+        """Another value whenever `map_data` is another."""
+        with self._lock:
+            return self._model.drawn()
 
     def photo(self, poi_id: int) -> bytes | None:
         """The newest photo of a point of interest, as JPEG."""

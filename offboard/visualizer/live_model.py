@@ -7,7 +7,7 @@ thread. `tokens` says what has changed: a client that has seen a channel's token
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from itertools import count
 from math import hypot, inf, isfinite
 from typing import Any
@@ -41,6 +41,7 @@ from offboard.tools.map_frame import frame
 from offboard.visualizer.poi_store import PoiRecord, record_of
 
 TRAIL_STEP_M = 0.05
+REACH_M = 500.0  # from the start: what is said to lie farther would make any picture endless
 
 Token = tuple[int, int]
 
@@ -115,9 +116,16 @@ class LiveModel:
         return np.concatenate([self._smoothed, driven])
 
     def map_data(self) -> MapData:
-        """All of it, as the exports take it."""
-        pois = [dataclasses.asdict(record) for record in self.pois.values()]
-        return MapData(self.points_m.astype(np.float64), self.inferred, self.trail(), pois)
+        """All of it that can be on one floor, as the exports take it."""
+        pois = [dataclasses.asdict(r) for r in self.pois.values() if hypot(r.x_m, r.y_m) <= REACH_M]
+        trail = self.trail()
+        trail = trail[np.hypot(trail[:, 0], trail[:, 1]) <= REACH_M]
+        near = np.hypot(self.points_m[:, 0], self.points_m[:, 1]) <= REACH_M
+        return MapData(self.points_m[near].astype(np.float64), self.inferred[near], trail, pois)
+
+    def drawn(self) -> Hashable:
+        """Another value whenever `map_data` is another."""
+        return *(self.tokens.get(channel) for channel in ("map", "pois", "trail")), len(self._since)
 
     def base_point(self) -> tuple[float, float]:
         """Lower left corner of the drawing in map coordinates (VSL_MR_03); the same as in the exports."""

@@ -43,9 +43,9 @@ def text_frame(channel: str, **values: Any) -> str:
     """A number that is none goes out as null: JSON has no other word for it."""
     message = {"channel": channel} | values
     try:
-        return json.dumps(message, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+        return json.dumps(message, separators=(",", ":"), allow_nan=False)
     except ValueError:
-        return json.dumps(_without_nan(message), separators=(",", ":"), ensure_ascii=False)
+        return json.dumps(_without_nan(message), separators=(",", ":"))
 
 
 def _without_nan(value: Any) -> Any:

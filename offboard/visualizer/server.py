@@ -9,7 +9,7 @@ import asyncio
 import re
 import socket
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from ipaddress import ip_address
 from pathlib import Path
@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.datastructures import MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
@@ -28,18 +28,19 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from common.errors import StartError
-from offboard.recorder.run_folder import map_points_text
 from offboard.visualizer import protocol
+from offboard.visualizer.connections import CONNECTIONS_MAX, BoundedProtocol, keep_log_brief
+from offboard.visualizer.exports import MEDIA_TYPES, Exports, attachment
 from offboard.visualizer.feed import Client, Feed
 
 PAGE = Path(__file__).with_name("page")
 HEARTBEAT_PERIOD_S = 0.2
+PAGES_MAX = 64  # half of the connections: the rest is for files, photos and exports
+_SAID_BYTES_MAX = 1024  # a page has nothing to say
 _END_TIMEOUT_S = 2
 _START_TIMEOUT_S = 10.0
 # A browser that obeys it cannot ask anybody else for anything
 _POLICY = "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-
-_EXPORTS = {"svg": "image/svg+xml", "png": "image/png", "csv": "text/csv"}
 
 
 class _Headers:
@@ -61,14 +62,30 @@ class _Headers:
         await self._app(scope, receive, with_headers)
 
 
+class _KnownHosts(TrustedHostMiddleware):
+    """Only who asks for this machine: a page of the internet could give its own name this machine's address.
+
+    It cannot give itself an address for a name, so each may stand for itself.
+    """
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] in ("http", "websocket") and _is_address(Headers(scope=scope).get("host", "")):
+            await self.app(scope, receive, send)
+        else:
+            await super().__call__(scope, receive, send)
+
+
 class PageServer:
     """Listens from the start on, so that a taken port is known at once; serves from `start` to `close`.
 
     Raises StartError when it cannot listen. Port 0 takes any free one.
     """
 
-    def __init__(self, feed: Feed, host: str, port: int, robot: str = "robot") -> None:
+    def __init__(self, feed: Feed, host: str, port: int, robot: str = "robot", names: Sequence[str] = ()) -> None:
+        """`names`: under which browsers may ask for this machine, besides its own."""
+        keep_log_brief()
         self._feed = feed
+        self._exports = Exports(feed)
         self._robot = robot
         self._socket = _listen(host, port)
         shown = "127.0.0.1" if host in ("", "0.0.0.0", "::") else host
@@ -80,10 +97,12 @@ class PageServer:
         self._ready = threading.Event()
         self._server = uvicorn.Server(
             uvicorn.Config(
-                self._application(host),
+                self._application([host, *names]),
                 loop="asyncio",
-                http="h11",
+                http=BoundedProtocol,
+                backlog=CONNECTIONS_MAX,
                 ws="websockets-sansio",
+                ws_max_size=_SAID_BYTES_MAX,
                 # A page on the same machine or Wi-Fi gains nothing by it, and every pose would pay
                 ws_per_message_deflate=False,
                 log_config=None,
@@ -114,11 +133,10 @@ class PageServer:
     def _serve(self) -> None:
         self._server.run(sockets=[self._socket])
 
-    def _application(self, host: str) -> Starlette:
-        guards = [Middleware(_Headers)]
-        if _is_loopback(host):
-            # Else a page of the internet could give its own name this machine's address and read the building
-            guards.append(Middleware(TrustedHostMiddleware, allowed_hosts=["127.0.0.1", "localhost", "[::1]", host]))
+    def _application(self, names: list[str]) -> Starlette:
+        own = socket.gethostname()
+        hosts = ["localhost", own, f"{own.partition('.')[0]}.local", *names]
+        guards = [Middleware(_Headers), Middleware(_KnownHosts, allowed_hosts=hosts, www_redirect=False)]
 
         @asynccontextmanager
         async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -128,8 +146,8 @@ class PageServer:
 
         routes = [
             WebSocketRoute("/live", self._live),
-            Route("/photos/{poi_id:int}.jpg", self._photo),
-            Route("/export/map.{form:str}", self._export),
+            Route("/photos/{poi_id}.jpg", self._photo),
+            Route("/export/map.{form}", self._export),
             Mount("/", StaticFiles(directory=PAGE, html=True)),
         ]
         return Starlette(routes=routes, middleware=guards, lifespan=lifespan)
@@ -146,28 +164,21 @@ class PageServer:
     # Endpoints; those that are not `async` run in a thread of their own
 
     def _photo(self, request: Request) -> Response:
-        photo = self._feed.photo(request.path_params["poi_id"])
+        number = request.path_params["poi_id"]
+        photo = self._feed.photo(int(number)) if re.fullmatch(r"[0-9]{1,18}", number) else None
         if photo is None:
             return PlainTextResponse("There is no photo of this point of interest.", 404)
         return Response(photo, media_type="image/jpeg")
 
-    def _export(self, request: Request) -> Response:
+    async def _export(self, request: Request) -> Response:
         form = request.path_params["form"]
-        if form not in _EXPORTS:
-            return PlainTextResponse(f"No export as {form}; choose from {', '.join(_EXPORTS)}.", 404)
-        from offboard.tools import export  # here, because SciPy would make the page wait at every start
-
-        data = self._feed.map_data()
-        content: str | bytes
-        if form == "csv":
-            content = map_points_text(data.points_m, data.inferred)
-        else:
-            content = export.as_svg(data) if form == "svg" else export.as_png(data)
-        name = {"Content-Disposition": f'attachment; filename="{self._robot}-map.{form}"'}
-        return Response(content, media_type=_EXPORTS[form], headers=name)
+        if form not in MEDIA_TYPES:
+            return PlainTextResponse(f"No export as {form}; choose from {', '.join(MEDIA_TYPES)}.", 404)
+        name = {"Content-Disposition": attachment(f"{self._robot}-map.{form}")}
+        return Response(await self._exports.get(form), media_type=MEDIA_TYPES[form], headers=name)
 
     async def _live(self, page: WebSocket) -> None:
-        if not _same_origin(page):
+        if not _same_origin(page) or self.pages >= PAGES_MAX:
             await page.close(1008)
             return
         await page.accept()
@@ -243,11 +254,13 @@ def _listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def _is_loopback(host: str) -> bool:
+def _is_address(host: str) -> bool:
+    """Whether a Host header names an address, with or without a port."""
     try:
-        return ip_address(host).is_loopback
+        ip_address(urlsplit(f"//{host}").hostname or "")
     except ValueError:
-        return host == "localhost"
+        return False
+    return True
 
 
 def _same_origin(page: WebSocket) -> bool:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import socket
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,8 @@ from tests.system.conftest import Mesh, free_port, until
 from tests.system.page import frames
 
 pytestmark = pytest.mark.timeout(60)
+
+FILES = 400  # that the page's process may open
 
 DOOR: dict[str, Any] = {"poi_id": 4, "name": "Door", "x_m": 1.0, "y_m": 2.0, "number": "101", "room_type": "Office"}
 
@@ -84,6 +88,23 @@ def test_a_killed_visualizer_fills_its_pages_again(mesh: Mesh, mmu: ZenohBus, po
         until(lambda: mesh.bus.latest(STATUS["visualizer"]), what="its status")
         mesh.processes["visualizer"].kill()
         mesh.processes["visualizer"].wait()
+
+
+def test_more_idle_connections_than_files_leave_the_page_served_and_the_log_short(mesh: Mesh, port: int) -> None:
+    mesh.start("comm")
+    few_files = ("prlimit", f"--nofile={FILES}")
+    mesh.start("visualizer", "-m", "offboard.visualizer", inside=few_files)
+    until(lambda: next(frames("127.0.0.1", port), None) is not None, 20.0, "the page")
+    with ExitStack() as sockets:
+        for _ in range(3 * FILES // 2):
+            sockets.enter_context(socket.create_connection(("127.0.0.1", port), timeout=10.0))
+        for _ in range(3):
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5.0) as page:
+                assert b"<title>Indoor Mapping</title>" in page.read()
+        assert next(frames("127.0.0.1", port), None) is not None
+    log = (mesh.folder / "visualizer.log").read_text(encoding="utf-8")
+    assert "Traceback" not in log
+    assert len(log.splitlines()) < 20
 
 
 def test_a_taken_page_port_is_one_sentence_and_exit_code_2(mesh: Mesh, port: int) -> None:

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import json
+import logging
 import socket
+import threading
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
 from typing import Any
 
 import numpy as np
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from common.bus import LocalMesh
 from common.errors import StartError
 from common.messages import GRID, MAP, POI, POSE, STATUS, GridUpdate, MapUpdate, PointOfInterest, PoseEstimate
+from offboard.recorder.run_folder import MapData
+from offboard.tools import export
+from offboard.visualizer import connections
+from offboard.visualizer import server as server_module
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer
@@ -45,6 +54,12 @@ def server(feed: Feed) -> Iterator[PageServer]:
     server.start()
     yield server
     server.close()
+
+
+def served(feed: Feed, *arguments: Any) -> PageServer:
+    server = PageServer(feed, *arguments)
+    server.start()
+    return server
 
 
 def get(server: PageServer, path: str, **headers: str) -> tuple[int, Any, bytes]:
@@ -91,8 +106,180 @@ def test_photos_are_given_by_number(server: PageServer) -> None:
     assert get(server, "photos/8.jpg")[0] == 404
 
 
-def test_a_strange_name_for_this_machine_is_turned_away(server: PageServer) -> None:
-    assert get(server, "", Host="evil.example")[0] == 400
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_a_strange_name_for_this_machine_is_turned_away_wherever_the_page_is_served(feed: Feed, host: str) -> None:
+    """A page of the internet that gives its own name this machine's address reads nothing, and may not listen."""
+    with closing(served(feed, host, 0, "robot7", ("floor3.example.org",))) as server:
+        for name in (
+            "evil.example",
+            "evil.example:8080",
+            "localhost.evil.example",
+            "127.0.0.1.evil.example",
+            "",
+            "[::1",
+        ):
+            assert get(server, "", Host=name)[0] == 400, name
+        with pytest.raises(InvalidStatus):
+            live(server, origin="http://evil.example", additional_headers={"Host": "evil.example"})
+        own = ("localhost", "127.0.0.1:8080", "10.0.0.7", "[::1]:80", socket.gethostname(), "floor3.example.org:8080")
+        for name in own:
+            assert get(server, "", Host=name)[0] == 200, name
+
+
+def test_a_robots_name_of_any_letters_is_the_name_of_its_export(feed: Feed) -> None:
+    with closing(served(feed, "127.0.0.1", 0, '機器人"7')) as server:
+        status, headers, _ = get(server, "export/map.csv")
+    assert status == 200
+    plain, coded = headers["Content-Disposition"].removeprefix("attachment; ").split("; ")
+    assert plain == 'filename="____7-map.csv"'
+    assert urllib.parse.unquote(coded.removeprefix("filename*=UTF-8''")) == '機器人"7-map.csv'
+
+
+PATHS = ["photos/" + 5000 * "9" + ".jpg", "photos/-1.jpg", "photos/%D9%A3.jpg", "photos/7.0.jpg", "photos/%00.jpg"]
+PATHS += [
+    "export/map." + 5000 * "p",
+    "export/map.%FF",
+    "export/map.csv%0A",
+    "%00",
+    "%FF%FE",
+    5000 * "a",
+    "..%2f..%2fetc",
+]
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_a_path_that_leads_nowhere_is_404_and_leaves_no_word_in_the_log(
+    server: PageServer, path: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert get(server, path)[0] == 404
+    assert get(server, path + "?" + 1000 * "x=%00&")[0] == 404
+    assert not caplog.records
+
+
+def test_exports_are_made_one_at_a_time_and_who_waited_gets_the_same(
+    server: PageServer, feed: Feed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[MapData] = []
+    alone = threading.Lock()
+
+    def draw(data: MapData) -> bytes:
+        assert alone.acquire(blocking=False)
+        begun.append(data)
+        time.sleep(0.1)
+        alone.release()
+        return b"\x89PNG"
+
+    monkeypatch.setattr(export, "as_png", draw)
+    with ThreadPoolExecutor(16) as browsers:
+        answers = list(browsers.map(lambda _: get(server, "export/map.png"), range(16)))
+    assert {(status, body) for status, _, body in answers} == {(200, b"\x89PNG")}
+    assert len(begun) == 1
+    monkeypatch.setattr("offboard.visualizer.exports.KEPT_S", 0.0)
+    get(server, "export/map.png")
+    assert len(begun) == 1
+    feed.take(MAP, MapUpdate(0.0, 1, 2, np.ones((1, 2), np.float32), np.zeros(1, np.uint8)))
+    get(server, "export/map.png")
+    assert len(begun) == 2
+
+
+def test_what_is_said_to_lie_on_no_floor_is_left_out_of_the_exports(server: PageServer, feed: Feed) -> None:
+    far = np.array([[1e7, 0.0], [0.0, -1e30], [np.nan, 0.0]], np.float32)
+    feed.take(MAP, MapUpdate(0.0, 1, 2, far, np.zeros(3, np.uint8)))
+    feed.take(POI, PointOfInterest(1.0, 8, "Door", "", 1e7, 1.0, "", "", 0.9, "read"))
+    feed.take(POSE, PoseEstimate(0.0, 1e7, 0.0, 0.0, 0.0, 0.1, 0.1, 1))
+    assert len(get(server, "export/map.csv")[2].split()) == 3
+    for form in ("svg", "png"):
+        assert len(get(server, f"export/map.{form}")[2]) < 20_000
+
+
+def silent(server: PageServer) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", server.port), timeout=5.0)
+
+
+def test_connections_that_say_nothing_make_way_for_who_asks(
+    feed: Feed, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(connections, "CONNECTIONS_MAX", 8)
+    with closing(served(feed, "127.0.0.1", 0)) as server, live(server) as page, ExitStack() as sockets:
+        idle = [sockets.enter_context(silent(server)) for _ in range(50)]
+        assert get(server, "")[0] == 200
+        assert idle[0].recv(1) == b""
+        page.recv(timeout=5)
+        assert len(server._server.server_state.connections) <= 8
+    assert not caplog.records
+
+
+BEGINNINGS = [b"", b"GET / HTTP/1.1\r\nX: ", b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 999\r\n\r\n"]
+
+
+@pytest.mark.parametrize("beginning", BEGINNINGS, ids=["nothing", "headers", "body"])
+def test_a_request_that_never_ends_is_given_up(feed: Feed, monkeypatch: pytest.MonkeyPatch, beginning: bytes) -> None:
+    monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.3)
+    with closing(served(feed, "127.0.0.1", 0)) as server, silent(server) as slow:
+        slow.sendall(beginning)
+
+        def ended() -> bool:
+            try:
+                slow.send(b"x" if beginning else b"")
+                slow.settimeout(0.01)
+                return slow.recv(1000) == b""
+            except TimeoutError:
+                return False
+            except OSError:
+                return True
+
+        until(ended)
+
+
+def test_a_reader_that_never_reads_is_given_up(feed: Feed, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.3)
+    feed.take(POI, PointOfInterest(1.0, 9, "Door", "", 1.0, 1.0, "", "", 0.9, "read", bytes(20_000_000)))
+    with closing(served(feed, "127.0.0.1", 0)) as server, silent(server) as lazy:
+        lazy.sendall(b"GET /photos/9.jpg HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        state = server._server.server_state
+        until(lambda: state.connections)
+        until(lambda: not state.connections and not state.tasks)
+
+
+def test_no_more_pages_than_may_be_look_at_a_time(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "PAGES_MAX", 1)
+    with live(server) as page:
+        page.recv(timeout=5)
+        with pytest.raises(InvalidStatus):
+            live(server)
+        assert get(server, "")[0] == 200
+    until(lambda: server.pages == 0)
+    with live(server) as page:
+        page.recv(timeout=5)
+
+
+def test_a_page_that_talks_at_length_is_closed(server: PageServer) -> None:
+    with live(server) as page:
+        page.send(bytes(100_000))
+        with pytest.raises(ConnectionClosed):
+            list(page)
+
+
+def test_a_flood_of_what_is_no_request_is_a_line_a_second_in_the_log(
+    server: PageServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    began_s = time.monotonic()
+    for _ in range(100):
+        with silent(server) as stranger:
+            stranger.sendall(b"\x16\x03\x01 no request\r\n\r\n")
+            assert b"400" in stranger.recv(100)
+    assert 1 <= len(caplog.records) <= 2 + time.monotonic() - began_s
+
+
+def test_a_fault_of_the_server_is_one_line_and_no_traceback(
+    server: PageServer, feed: Feed, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(feed, "photo", lambda _: 1 / 0)
+    with caplog.at_level(logging.INFO):
+        assert [get(server, "photos/7.jpg")[0] for _ in range(5)] == [500] * 5
+    (record,) = caplog.records
+    assert record.getMessage() == "Exception in ASGI application error=ZeroDivisionError('division by zero') count=1"
+    assert record.exc_info is None
 
 
 def test_another_sites_page_may_not_listen(server: PageServer) -> None:
