@@ -9,7 +9,7 @@ import asyncio
 import re
 import socket
 import threading
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from ipaddress import ip_address
 from pathlib import Path
@@ -21,7 +21,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -35,8 +35,9 @@ from offboard.visualizer.feed import Client, Feed
 
 PAGE = Path(__file__).with_name("page")
 HEARTBEAT_PERIOD_S = 0.2
-PAGES_MAX = 64  # half of the connections: the rest is for files, photos and exports
+PAGES_MAX = 32  # a slow one keeps a copy of the map; the other connections are for files, photos and exports
 _SAID_BYTES_MAX = 1024  # a page has nothing to say
+_PIECE_BYTES = 64_000
 _END_TIMEOUT_S = 2
 _START_TIMEOUT_S = 10.0
 # A browser that obeys it cannot ask anybody else for anything
@@ -60,6 +61,18 @@ class _Headers:
             await send(message)
 
         await self._app(scope, receive, with_headers)
+
+
+class _Pieces(StreamingResponse):
+    """Content that goes out as it is read: a whole copy would wait for every slow reader."""
+
+    def __init__(self, content: bytes, media_type: str, headers: Mapping[str, str] | None = None) -> None:
+        async def pieces() -> AsyncIterator[bytes]:
+            for start in range(0, len(content), _PIECE_BYTES):
+                yield content[start : start + _PIECE_BYTES]
+
+        super().__init__(pieces(), media_type=media_type, headers=headers)
+        self.headers["Content-Length"] = str(len(content))
 
 
 class _KnownHosts(TrustedHostMiddleware):
@@ -168,14 +181,14 @@ class PageServer:
         photo = self._feed.photo(int(number)) if re.fullmatch(r"[0-9]{1,18}", number) else None
         if photo is None:
             return PlainTextResponse("There is no photo of this point of interest.", 404)
-        return Response(photo, media_type="image/jpeg")
+        return _Pieces(photo, "image/jpeg")
 
     async def _export(self, request: Request) -> Response:
         form = request.path_params["form"]
         if form not in MEDIA_TYPES:
             return PlainTextResponse(f"No export as {form}; choose from {', '.join(MEDIA_TYPES)}.", 404)
-        name = {"Content-Disposition": attachment(f"{self._robot}-map.{form}")}
-        return Response(await self._exports.get(form), media_type=MEDIA_TYPES[form], headers=name)
+        file_name = f"{self._robot}-map.{form}"
+        return _Pieces(await self._exports.get(form), MEDIA_TYPES[form], {"Content-Disposition": attachment(file_name)})
 
     async def _live(self, page: WebSocket) -> None:
         if not _same_origin(page) or self.pages >= PAGES_MAX:

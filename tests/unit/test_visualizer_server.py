@@ -237,7 +237,9 @@ def test_a_reader_that_never_reads_is_given_up(feed: Feed, monkeypatch: pytest.M
     with closing(served(feed, "127.0.0.1", 0)) as server, silent(server) as lazy:
         lazy.sendall(b"GET /photos/9.jpg HTTP/1.1\r\nHost: localhost\r\n\r\n")
         state = server._server.server_state
-        until(lambda: state.connections)
+        until(lambda: state.tasks)
+        waiting = [connection.transport.get_write_buffer_size() for connection in state.connections]
+        assert sum(waiting) < 1_000_000
         until(lambda: not state.connections and not state.tasks)
 
 
