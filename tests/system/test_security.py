@@ -47,7 +47,7 @@ from tests.system.conftest import Mesh, free_endpoint, until
 
 certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
 pytestmark = pytest.mark.timeout(60)
-FLOOD_S = 2.0
+FLOOD_S = 1.5
 LATER = datetime.now(UTC) + timedelta(days=1)
 HOSTS = {"robot": ["127.0.0.1"]}
 Sealed = tuple[str, bytes, bytes | None]  # key, message, seal
@@ -258,7 +258,7 @@ def test_a_flood_of_questions_refuses_no_permit_and_is_answered_within_bounds(ke
         assert bool(flood.answers) == (role == "laptop")
     assert all(permit.granted for _, permit in permits), {permit.reason for _, permit in permits}
     assert max(later - earlier for (earlier, _), (later, _) in pairwise(permits)) < 3 / PERMIT_RATE_HZ
-    assert flood.asked > 5_000
+    assert flood.asked > 2_000
 
 
 def own_address() -> str:

@@ -147,12 +147,12 @@ PATHS += [
 ]
 
 
-@pytest.mark.parametrize("path", PATHS)
 def test_a_path_that_leads_nowhere_is_404_and_leaves_no_word_in_the_log(
-    server: PageServer, path: str, caplog: pytest.LogCaptureFixture
+    server: PageServer, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert get(server, path)[0] == 404
-    assert get(server, path + "?" + 1000 * "x=%00&")[0] == 404
+    for path in PATHS:
+        assert get(server, path)[0] == 404
+        assert get(server, path + "?" + 1000 * "x=%00&")[0] == 404
     assert not caplog.records
 
 
@@ -214,7 +214,7 @@ BEGINNINGS = [b"", b"GET / HTTP/1.1\r\nX: ", b"POST / HTTP/1.1\r\nHost: localhos
 
 @pytest.mark.parametrize("beginning", BEGINNINGS, ids=["nothing", "headers", "body"])
 def test_a_request_that_never_ends_is_given_up(feed: Feed, monkeypatch: pytest.MonkeyPatch, beginning: bytes) -> None:
-    monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.2)
     with closing(served(feed, "127.0.0.1", 0)) as server, silent(server) as slow:
         slow.sendall(beginning)
 
@@ -232,7 +232,7 @@ def test_a_request_that_never_ends_is_given_up(feed: Feed, monkeypatch: pytest.M
 
 
 def test_a_reader_that_never_reads_is_given_up(feed: Feed, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.2)
     feed.take(POI, PointOfInterest(1.0, 9, "Door", "", 1.0, 1.0, "", "", 0.9, "read", bytes(20_000_000)))
     with closing(served(feed, "127.0.0.1", 0)) as server, silent(server) as lazy:
         lazy.sendall(b"GET /photos/9.jpg HTTP/1.1\r\nHost: localhost\r\n\r\n")
