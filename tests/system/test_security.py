@@ -370,7 +370,7 @@ def test_a_release_relayed_through_the_laptops_router_does_nothing(keyed: KeyedM
 def test_missing_keys_are_one_sentence_and_exit_code_2(mesh: Mesh, tmp_path: Path) -> None:
     listening = replace(mesh.config.mesh, listen="tls/127.0.0.1:0", keys=str(tmp_path))
     mesh.config_file.write_text(config_text(replace(mesh.config, mesh=listening)), encoding="utf-8")
-    result = mesh.command("node", "comm")
+    result = mesh.command("node", "comm", "--log-dir", str(mesh.folder))
     assert result.returncode == 2
     assert "command_key is missing: make the keys" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
