@@ -40,7 +40,7 @@ class ConfirmScreen(GuardedModal[bool]):
 
 
 class ReleaseScreen(GuardedModal[bool]):
-    """The release of the stop takes a typed word, and a robot that is heard and held by nobody else."""
+    """The release of the stop takes a typed word, and a robot that is heard and whose button is out."""
 
     heading = "Release the software stop"
 
@@ -53,7 +53,7 @@ class ReleaseScreen(GuardedModal[bool]):
     def content(self) -> ComposeResult:
         yield Static(
             f"Look at the robot. When nobody is in its way, type {RELEASE_WORD} and press enter.\n"
-            "The release moves nothing; the robot waits for a resume or a start.",
+            "The release moves nothing; the robot waits for a resume.",
             markup=False,
             classes="question",
         )
