@@ -7,7 +7,7 @@
 # fiducials fail there for no reason that a camera model would explain. Turn the box so that +x or -y faces the viewer.
 set -euo pipefail
 for package in libegl1 libopengl0 libgl1-mesa-dri; do
-  dpkg -s "$package" >/dev/null 2>&1 || apt-get install -y -qq "$package"
+  dpkg -s "$package" >/dev/null 2>&1 || { apt-get update -qq && apt-get install -y -qq "$package"; }
 done
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

@@ -20,7 +20,8 @@ from pathlib import Path
 import pyogrio
 
 CORNERS = ((0, 0), (0, 1), (1, 1), (1, 0))
-ROOMS = {"office": {"indoor": "room"}, "hall": {"indoor": "corridor"}, "toilet": {"indoor": "room", "amenity": "toilets"}}
+ROOMS = {"office": {"indoor": "room"}, "hall": {"indoor": "corridor"},
+         "toilet": {"indoor": "room", "amenity": "toilets"}}
 nodes = "".join(f'<node id="{i}" lat="{50 + y / 1e4}" lon="{8 + x / 1e4}"/>' for i, (x, y) in enumerate(CORNERS, 1))
 ways = ""
 for number, (name, tags) in enumerate(ROOMS.items(), 1):

@@ -9,7 +9,7 @@
 set -euo pipefail
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
-dpkg -s libcairo2 >/dev/null 2>&1 || apt-get install -y -qq libcairo2
+dpkg -s libcairo2 >/dev/null 2>&1 || { apt-get update -qq && apt-get install -y -qq libcairo2; }
 python3 -m venv "$dir/venv"
 "$dir/venv/bin/pip" install -q 'pymupdf==2.0' 'cairosvg==2.9.1'
 "$dir/venv/bin/python" - <<'EOF'

@@ -8,7 +8,7 @@
 # Means: a plan of 1:100 becomes 1:150, and its right part is missing, though the file itself is right. An @page rule
 # within the SVG's own style sheet cures both (also shown).
 set -euo pipefail
-command -v chromium >/dev/null || apt-get install -y -qq chromium
+command -v chromium >/dev/null || { apt-get update -qq && apt-get install -y -qq chromium; }
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 python3 -m venv "$dir/venv"
