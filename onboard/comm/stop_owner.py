@@ -138,8 +138,8 @@ def _answered(state: StopOwner, loaded: StopRecord, word: BridgeWord) -> StopOwn
     too_old = known_epoch > loaded.epoch
     nobody_knows = word.bridge_epoch == 0 and loaded.used
     record = state.record
-    if not (record.latched or too_old or nobody_knows):
-        return state
-    stops = record.stops or (Stop(RESTART, state.life),)
-    epoch = max(record.epoch, known_epoch) + EPOCHS_LOST_MAX
-    return _in_force(state, replace(record, epoch=epoch, stops=stops, resumed=False))
+    if too_old or nobody_knows:
+        record = record.pressed(Stop(RESTART, state.life))
+    if record.latched:
+        record = replace(record, epoch=max(record.epoch, known_epoch) + EPOCHS_LOST_MAX)
+    return _in_force(state, record)
