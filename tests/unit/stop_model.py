@@ -2,7 +2,8 @@
 that are lost, late, doubled and overtaken, while any of them dies at any moment.
 
 `World` raises `Violation` when the robot may move though a stop acted that was not released and resumed. A stop acts
-once the bridge holds it, knows it from a permit, or the disk has it.
+once the bridge holds it, knows it from a permit, or the disk has it. One that only a bridge knew which dies beside a
+living comm is not confirmed, and whoever pressed still sends it: it acts again when it arrives.
 """
 
 from __future__ import annotations
@@ -127,6 +128,11 @@ class World:
             self.known_to_bridge: set[int] = set()
 
     def kill_bridge(self) -> None:
+        if self.gate is not None and self.comm is not None:
+            on_disk = {stop.stop_id for stop in self.disk.stops} if self.disk is not None else set()
+            for stop_id in self.known_to_bridge - on_disk:
+                if self.ghost.epoch.get(stop_id, self.board.epoch + 1) > self.board.epoch:
+                    self.ghost.acted.pop(stop_id, None)
         self.gate = None
         self.to_bridge.clear()
 
