@@ -43,7 +43,7 @@ class Bus(Protocol):
         """Every message of the tapped topics since the last call, in order and once per topic and boot id."""
 
     def take_lost(self) -> Losses:
-        """How many of them could not be had since the last call."""
+        """Which of them could not be had since the last call."""
 
 
 def alive(bus: Bus, topic: Topic[Any]) -> bool:

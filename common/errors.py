@@ -49,6 +49,9 @@ class ErrorCode(IntEnum):
     STOP_RECORD = 704
     # 8xx: recorder
     DISK_FULL = 801
+    DISK_REFUSES = 802
+    DATABASE_LOST = 803
+    SECOND_RECORDER = 804
     # 9xx: anything
     INTERNAL = 901
     LATE = 902
@@ -88,6 +91,9 @@ ERRORS: dict[ErrorCode, ErrorInfo] = {
     ErrorCode.RECORDER_AWAY: ErrorInfo("the laptop's recorder is away; buffering", "check the Wi-Fi"),
     ErrorCode.STOP_RECORD: ErrorInfo("the robot's disk takes no stop record, so nothing moves", "free space on it"),
     ErrorCode.DISK_FULL: ErrorInfo("the laptop's disk takes nothing more", "free space; the recorder keeps trying"),
+    ErrorCode.DISK_REFUSES: ErrorInfo("the run cannot be written", "see why in the log; the recorder keeps trying"),
+    ErrorCode.DATABASE_LOST: ErrorInfo("the run goes on in a new database", "see in the log where the old one is"),
+    ErrorCode.SECOND_RECORDER: ErrorInfo("another recorder takes what the robot says", "end one of the two"),
     ErrorCode.INTERNAL: ErrorInfo("an unexpected error; the process restarts", "report the log file"),
     ErrorCode.LATE: ErrorInfo("the process cannot keep its rate", "see what else runs on this machine"),
 }

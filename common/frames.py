@@ -30,7 +30,7 @@ _AUDIT_PERIOD_S = 5.0
 _GIVE_UP_S = 10.0  # wall time; a producer that has not answered until then is gone, and what it had with it
 
 Known = dict[tuple[str, int], int]  # topic key and boot id -> newest sequence number
-Losses = dict[tuple[str, int], int]  # topic key and boot id -> how many were lost
+Losses = dict[tuple[str, int], tuple[int, int]]  # topic key and boot id -> from which to which number some were lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,25 @@ class Frame:
     boot_id: int
     sequence: int
     data: bytes
+
+
+def remember(known: Known, source: tuple[str, int], sequence: int) -> None:
+    """The newest number of a sender. Of each topic the KNOWN_BOOTS senders that spoke last are kept.
+
+    One that is forgotten and speaks again is taken for a new one; what is stored of it already is known by its numbers.
+    """
+    is_new = known.pop(source, None) is None
+    known[source] = sequence
+    if is_new:
+        same_topic = [other for other in known if other[0] == source[0]]
+        for forgotten in same_topic[:-KNOWN_BOOTS]:
+            del known[forgotten]
+
+
+def add_loss(losses: Losses, source: tuple[str, int], first: int, last: int) -> None:
+    """Some of the messages from `first` to `last` are lost: which ones shows what is there."""
+    low, high = losses.get(source, (first, last))
+    losses[source] = min(low, first), max(high, last)
 
 
 class RecentMessages:
@@ -82,7 +101,7 @@ class FrameOrder:
             return []
         gap = self._gaps.get(source)
         if gap is None and frame.sequence == newest + 1:
-            self._know(source, frame.sequence)
+            remember(self.known, source, frame.sequence)
             return [frame]
         if gap is None:
             gap = self._gaps[source] = _Gap(now_s, {})
@@ -117,21 +136,14 @@ class FrameOrder:
             if sequence > newest + 1:
                 if sequence > up_to:
                     break
-                self._lost[source] = self._lost.get(source, 0) + sequence - newest - 1
+                add_loss(self._lost, source, newest + 1, sequence - 1)
             frames.append(gap.held.pop(sequence))
             newest = sequence
         if frames:
-            self._know(source, newest)
+            remember(self.known, source, newest)
         if not gap.held:
             del self._gaps[source]
         return frames
-
-    def _know(self, source: tuple[str, int], sequence: int) -> None:
-        if source not in self.known:
-            same_topic = [other for other in self.known if other[0] == source[0]]
-            if len(same_topic) >= KNOWN_BOOTS:
-                del self.known[same_topic[0]]
-        self.known[source] = sequence
 
 
 Ask = Callable[[str, bytes], None]

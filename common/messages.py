@@ -352,7 +352,10 @@ class ClockAck:
 
 @dataclass(frozen=True, slots=True)
 class OutboxPiece:
-    """A part of the rows of comm's outbox from row `number` on: bytes `offset`.. of `total_bytes`."""
+    """A part of the rows of comm's outbox from row `number` on: bytes `offset`.. of `total_bytes`.
+
+    `outbox_id` is new whenever the outbox is opened: row numbers mean nothing beyond that.
+    """
 
     t_s: float
     outbox_id: int
@@ -361,6 +364,7 @@ class OutboxPiece:
     total_bytes: int
     data: bytes
     valid: bool = True
+    recorder_id: int = 0  # whom it is for; 0: whoever answers first
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,6 +377,7 @@ class OutboxReceipt:
     offset: int = 0
     total_bytes: int = 0
     valid: bool = True
+    recorder_id: int = 0
 
 
 P = TypeVar("P")

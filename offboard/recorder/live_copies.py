@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile
 
-from common.frames import Frame, Known
+from common.frames import Frame, Known, remember
 
 COPIES_MAX = 2048  # per topic; more than comm says while its rows are on their way
 
@@ -61,4 +61,4 @@ class LiveCopies:
 
     def _note(self, frame: Frame) -> None:
         source = (frame.key, frame.boot_id)
-        self._delivered[source] = max(self._delivered.get(source, 0), frame.sequence)
+        remember(self._delivered, source, max(self._delivered.get(source, 0), frame.sequence))

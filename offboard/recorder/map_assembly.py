@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -35,6 +38,18 @@ class MapAssembly:
         unmarked = np.zeros(gap, np.uint8)
         self._inferred = np.concatenate([self._inferred[: update.start], unmarked, update.inferred])
         return lost
+
+    def pack(self) -> list[object]:
+        """For `unpack`."""
+        return [self.missing, self._revision, self._points_m.tobytes(), self._inferred.tobytes()]
+
+    @classmethod
+    def unpack(cls, packed: Sequence[Any]) -> MapAssembly:
+        assembly = cls()
+        assembly.missing, assembly._revision, points_m, inferred = packed
+        assembly._points_m = np.frombuffer(points_m, np.float32).reshape(-1, 2)
+        assembly._inferred = np.frombuffer(inferred, np.uint8)
+        return assembly
 
     def known(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8]]:
         """The points that came (N, 2) and their marks (N,)."""

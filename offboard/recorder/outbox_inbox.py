@@ -3,86 +3,127 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import msgpack
 
-from common.frames import MESSAGE_BYTES_MAX, Frame, Losses
+from common.codec import DecodeError, read_header
+from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, add_loss
 from common.messages import OutboxPiece, OutboxReceipt
-from offboard.recorder.run_schema import Delivery
 
 TOTAL_BYTES_MAX = 2 * MESSAGE_BYTES_MAX
+HANDOVER_S = 10.0  # longer than the outbox waits for a recorder that has ended
+_SENSELESS = (ValueError, TypeError, DecodeError, msgpack.UnpackException)
 
 _log = logging.getLogger("recorder")
 
 
-class OutboxInbox:
-    """What came of the rows that are on their way. Rows that wait for the disk keep everything else out."""
+@dataclass(slots=True)
+class RowContent:
+    """The messages of some rows, and what was dropped before them."""
 
-    def __init__(self, next_rows: Mapping[int, int]) -> None:
-        """`next_rows`: outbox id -> the first row of it that the database does not hold."""
+    frames: list[Frame] = field(default_factory=list)
+    dropped: Losses = field(default_factory=dict)
+
+
+class OutboxInbox:
+    """What came of the rows that are on their way. Rows that wait for the disk keep everything else out.
+
+    Numbers of rows count for one life of the outbox: of another one nothing is known. What comes twice, the database
+    knows by its messages.
+    """
+
+    def __init__(self, recorder_id: int) -> None:
+        self.recorder_id = recorder_id
         self.complete: OutboxPiece | None = None  # the last piece of rows that are all here, not yet stored
-        self._next_rows = dict(next_rows)
+        self._another_since_s: float | None = None  # the rows on their way go to another recorder
+        self._newest_s = float("-inf")
+        self._next_row = 0  # of the newest piece's outbox: the first that is not stored yet
         self._newest: OutboxPiece | None = None
         self._bytes = bytearray()
+        self._rows: list[tuple[int, bytes]] = []  # number and content of those that are complete
 
-    def take(self, piece: OutboxPiece) -> None:
+    def another_is_served(self, now_s: float) -> bool:
+        """The outbox sends to another recorder, and it is no mere leftover from before that one ended."""
+        since_s = self._another_since_s
+        return since_s is not None and now_s - since_s > HANDOVER_S and now_s - self._newest_s < HANDOVER_S
+
+    def take(self, piece: OutboxPiece, now_s: float) -> None:
         """A piece that does not continue what is here is left out: the receipt says what is wanted."""
         if self.complete is not None or not 0 < piece.total_bytes <= TOTAL_BYTES_MAX:
             return
+        if self._newest is None or self._newest.outbox_id != piece.outbox_id:
+            self._next_row = 0
+        for_another = piece.recorder_id not in (0, self.recorder_id)
+        if not for_another:
+            self._another_since_s = None
+        elif self._another_since_s is None:
+            self._another_since_s = now_s
         same = self._newest is not None and _rows_of(self._newest) == _rows_of(piece)
-        if not same:
+        if for_another or not same:
             self._bytes.clear()
-        self._newest = piece
-        known = piece.number < self._next_rows.get(piece.outbox_id, 0)
-        if known or piece.offset != len(self._bytes) or len(self._bytes) + len(piece.data) > piece.total_bytes:
+        self._newest, self._newest_s = piece, now_s
+        unwanted = for_another or piece.number < self._next_row or piece.offset != len(self._bytes)
+        if unwanted or len(self._bytes) + len(piece.data) > piece.total_bytes:
             return
         self._bytes += piece.data
         if len(self._bytes) == piece.total_bytes:
-            self.complete = piece
+            self.complete, self._rows = piece, _rows_in(bytes(self._bytes))
 
-    def delivery(self, arrived_s: float) -> Delivery:
-        """The messages of the rows that are complete; those that the database has already are left out."""
+    def content(self) -> RowContent:
+        """Of the rows that are complete."""
+        content = RowContent()
+        for _, row in self._rows:
+            try:
+                _add_row(content, row)
+            except _SENSELESS as error:
+                # Sent again it would be the same: kept waiting, it would keep all later ones out
+                _log.error("a row of the outbox makes no sense error=%s", error)
+        return content
+
+    def stored(self) -> None:
+        """The database has the rows that were complete."""
         assert self.complete is not None
-        outbox_id = self.complete.outbox_id
-        delivery = Delivery(arrived_s, outbox_id=outbox_id, next_row=self.complete.number + 1)
-        wanted = self._next_rows.get(outbox_id, 0)
-        try:
-            for number, row in msgpack.unpackb(self._bytes):
-                delivery.next_row = max(delivery.next_row, int(number) + 1)
-                if number >= wanted:
-                    _add_row(delivery, row)
-        except (ValueError, TypeError, msgpack.UnpackException) as error:
-            # Sent again it would be the same: kept waiting, it would keep all later ones out
-            _log.error("rows of the outbox make no sense row=%d error=%s", self.complete.number, error)
-        return delivery
-
-    def stored(self, delivery: Delivery) -> None:
-        """The database has them."""
-        assert delivery.outbox_id is not None
-        self._next_rows[delivery.outbox_id] = delivery.next_row
+        self._next_row = max([self.complete.number, *(number for number, _ in self._rows)]) + 1
         self._bytes.clear()
-        self.complete = None
+        self.complete, self._rows = None, []
 
     def receipt(self, now_s: float) -> OutboxReceipt | None:
         """What is wanted next of the outbox that spoke last; None while none did."""
         newest = self._newest
         if newest is None:
             return None
-        number = self._next_rows.get(newest.outbox_id, 0)
-        if number > newest.number:
-            return OutboxReceipt(now_s, newest.outbox_id, number)
-        return OutboxReceipt(now_s, newest.outbox_id, newest.number, len(self._bytes), newest.total_bytes)
+        if self._next_row > newest.number:
+            return OutboxReceipt(now_s, newest.outbox_id, self._next_row, recorder_id=self.recorder_id)
+        place = (newest.outbox_id, newest.number, len(self._bytes), newest.total_bytes)
+        return OutboxReceipt(now_s, *place, recorder_id=self.recorder_id)
 
 
 def _rows_of(piece: OutboxPiece) -> tuple[int, int, int]:
     return piece.outbox_id, piece.number, piece.total_bytes
 
 
-def _add_row(delivery: Delivery, row: bytes) -> None:
+def _rows_in(data: bytes) -> list[tuple[int, bytes]]:
+    """Number and content of each row; none of what makes no sense."""
+    try:
+        return [(_number(number), bytes(row)) for number, row in msgpack.unpackb(data)]
+    except _SENSELESS as error:
+        _log.error("rows of the outbox make no sense error=%s", error)
+        return []
+
+
+def _add_row(content: RowContent, row: bytes) -> None:
     messages, losses = msgpack.unpackb(row)
-    frames = [Frame(str(key), int(boot_id), int(sequence), bytes(data)) for key, boot_id, sequence, data in messages]
-    dropped: Losses = {(str(key), int(boot_id)): int(count) for key, boot_id, count in losses}
-    delivery.frames += frames
-    for source, count in dropped.items():
-        delivery.dropped[source] = delivery.dropped.get(source, 0) + count
+    for key, *_, data in messages:
+        sequence, boot_id = read_header(data)
+        content.frames.append(Frame(str(key), boot_id, sequence, data))
+    for key, boot_id, *span in losses:
+        if len(span) == 2:  # an older outbox counted them only: the hole in the numbers shows them
+            add_loss(content.dropped, (str(key), _number(boot_id)), *map(_number, span))
+
+
+def _number(value: object) -> int:
+    """As a database holds it."""
+    if type(value) is not int or not 0 <= value < 2**63:
+        raise ValueError(f"{value!r} is no number")
+    return value

@@ -11,7 +11,7 @@ The schema stands in `run_schema`.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -90,20 +90,7 @@ class RunReader:
         until_s: float | None = None,
     ) -> Iterator[Message[P]]:
         """The sound messages of these topics as they arrived, `t_s` within [since_s, until_s]."""
-        conditions = [f"topic IN ({', '.join('?' * len(topics))})", "row > ?", "problem IS NULL"]
-        values: list[Any] = [*(topic.key for topic in topics), after_row]
-        for limit, bound_s in (("t_s >= ?", since_s), ("t_s <= ?", until_s)):
-            if bound_s is not None:
-                conditions.append(limit)
-                values.append(bound_s)
-        query = (
-            "SELECT row, topic, boot_id, sequence, arrived_s, payload FROM messages"
-            f" WHERE {' AND '.join(conditions)} ORDER BY row"
-        )
-        for row in self._database.execute(query, values):
-            message: Message[P] | None = _message(*row)
-            if message is not None:
-                yield message
+        return read_messages(self._database, topics, after_row, since_s, until_s)
 
     def latest(self, topic: Topic[P]) -> Message[P] | None:
         """The message of a topic that arrived last; None when there is none."""
@@ -181,6 +168,32 @@ class RunReader:
         """From the first message to the last, on the recorder's clock."""
         first_s, last_s = self._database.execute("SELECT min(arrived_s), max(arrived_s) FROM messages").fetchone()
         return float(last_s - first_s) if first_s is not None else 0.0
+
+
+def read_messages(
+    database: sqlite3.Connection,
+    topics: Sequence[Topic[P]],
+    after_row: int = 0,
+    since_s: float | None = None,
+    until_s: float | None = None,
+) -> Iterator[Message[P]]:
+    """As `RunReader.messages`, on an open database."""
+    # What is asked for from a row on is read by rows, not by topics: the plus keeps the index out of it
+    topic = "+topic" if after_row else "topic"
+    conditions = [f"{topic} IN ({', '.join('?' * len(topics))})", "row > ?", "problem IS NULL"]
+    values: list[Any] = [*(topic.key for topic in topics), after_row]
+    for limit, bound_s in (("t_s >= ?", since_s), ("t_s <= ?", until_s)):
+        if bound_s is not None:
+            conditions.append(limit)
+            values.append(bound_s)
+    query = (
+        "SELECT row, topic, boot_id, sequence, arrived_s, payload FROM messages"
+        f" WHERE {' AND '.join(conditions)} ORDER BY row"
+    )
+    for row in database.execute(query, values):
+        message: Message[P] | None = _message(*row)
+        if message is not None:
+            yield message
 
 
 def _message(row: int, key: str, boot_id: int, sequence: int, arrived_s: float, payload: bytes) -> Message[Any] | None:

@@ -12,6 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import msgpack
 import numpy as np
 
 from common.messages import (
@@ -57,14 +58,50 @@ class RunFiles:
         self._pois: dict[int, dict[str, Any]] = {}
         self._photos: dict[str, bytes] = {}  # by name, until they are on the disk
         self._changed: set[str] = set()  # files that differ from what is here
+        self._made: set[str] = set()  # those that were written, and cannot all be made from what is here
+
+    def restore(self, summary: bytes) -> bool:
+        """Goes on from a `summary`; False, and nothing is changed, where the folder does not hold what it speaks of."""
+        if not summary:
+            return False
+        packed_map, pois, newest_pose_s, finished, trajectory_bytes, made = msgpack.unpackb(summary)
+        trajectory = self.run_dir / run_folder.TRAJECTORY_NAME
+        there = trajectory.exists() and trajectory.stat().st_size >= trajectory_bytes
+        if not there or not all((self.run_dir / name).exists() for name in made):
+            return False
+        self.map = MapAssembly.unpack(packed_map)
+        self._pois = {poi["poi_id"]: poi for poi in pois}
+        self._newest_pose_s, self.finished, self._made = newest_pose_s, finished, set(made)
+        self._lines = run_folder.LineFile(trajectory, trajectory_bytes)
+        return True
 
     def begin(self, payloads: Iterable[object]) -> None:
-        """Everything that the database holds already; the file of poses is made anew from it."""
+        """What the database holds beyond what was restored; without that the file of poses is made anew."""
         for payload in payloads:
             self.take(payload)
+        if self._lines is None:
+            keep_bytes = 0 if self._pending else None
+            self._lines = run_folder.LineFile(self.run_dir / run_folder.TRAJECTORY_NAME, keep_bytes)
+
+    def begin_again(self) -> None:
+        """In a folder that was taken away: what is known here is written once more."""
+        self.close()
         self._lines = run_folder.LineFile(self.run_dir / run_folder.TRAJECTORY_NAME)
-        if self._pending:
-            self._lines.cut()
+        self._made.clear()
+        self._changed |= {run_folder.MAP_POINTS_NAME, run_folder.POIS_NAME}
+        if self._trajectory is not None:
+            self._changed.add(run_folder.SMOOTHED_NAME)
+
+    def summary(self) -> bytes | None:
+        """What it takes to go on with the files without the messages; None while they are behind. Raises OSError."""
+        if self._lines is None or self._pending or self._photos or self._changed:
+            return None
+        self._lines.sync()
+        for folder in {(self.run_dir / name).parent for name in (run_folder.POIS_NAME, *self._made)}:
+            run_folder.sync_folder(folder)
+        last = (self._newest_pose_s, self.finished, self._lines.size, sorted(self._made))
+        packed: bytes = msgpack.packb([self.map.pack(), list(self._pois.values()), *last])
+        return packed
 
     def take(self, payload: object) -> None:
         """A payload of TOPICS_OF_FILES; others are no matter of the files."""
@@ -92,6 +129,7 @@ class RunFiles:
             path = self.run_dir / name
             path.parent.mkdir(exist_ok=True)
             run_folder.write_atomically(path, self._photos[name])
+            self._made.add(name)
             del self._photos[name]
         writers: dict[str, Callable[[Path], None]] = {
             run_folder.MAP_POINTS_NAME: lambda path: run_folder.write_map_points(path, *self.map.known()),
@@ -102,6 +140,7 @@ class RunFiles:
             path = self.run_dir / name
             if name in self._changed or (name != run_folder.SMOOTHED_NAME and not path.exists()):
                 write(path)
+                self._made.add(name)
                 self._changed.discard(name)
 
     def draw(self) -> None:

@@ -59,14 +59,29 @@ def write_atomically(path: Path, data: bytes) -> None:
         raise
 
 
-class LineFile:
-    """A text file that grows by whole lines. What a crash left of a last line is cut off when it is opened again."""
+def sync_folder(folder: Path) -> None:
+    """The names in it outlive a power cut from now on; raises OSError."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
-    def __init__(self, path: Path) -> None:
-        existing = path.read_bytes() if path.exists() else b""
-        self._size = existing.rfind(b"\n") + 1
+
+class LineFile:
+    """A text file that grows by whole lines. What a crash left of a last line is cut off when it is opened again.
+
+    `size` is how many bytes it has.
+    """
+
+    def __init__(self, path: Path, keep_bytes: int | None = None) -> None:
+        """`keep_bytes`: of what the file holds already; None for all whole lines."""
+        if keep_bytes is None:
+            existing = path.read_bytes() if path.exists() else b""
+            keep_bytes = existing.rfind(b"\n") + 1
+        self.size = keep_bytes
         self._file = path.open("ab", buffering=0)
-        self._file.truncate(self._size)
+        self._file.truncate(self.size)
 
     def append(self, lines: Iterable[str]) -> None:
         """Write the lines; raises OSError when the disk takes none, and then leaves the file as it was."""
@@ -75,14 +90,13 @@ class LineFile:
             if self._file.write(data) != len(data):
                 raise OSError(errno.ENOSPC, "the disk took a part of it only")
         except OSError:
-            self._file.truncate(self._size)
+            self._file.truncate(self.size)
             raise
-        self._size += len(data)
+        self.size += len(data)
 
-    def cut(self) -> None:
-        """Empty the file: its lines will be written anew."""
-        self._file.truncate(0)
-        self._size = 0
+    def sync(self) -> None:
+        """What was appended outlives a power cut from now on."""
+        os.fsync(self._file.fileno())
 
     def close(self) -> None:
         self._file.close()

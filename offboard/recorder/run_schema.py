@@ -1,7 +1,7 @@
 """The tables of `run.sqlite` and how the recorder fills them: every message once by (topic, boot id, sequence).
 
-Reading is `run_database.RunReader`. A transaction holds messages together with what says that they are there
-(`outboxes`), so that a recorder that was killed knows what it still wants.
+Reading is `run_database.RunReader`. What is said of the messages as a whole (`senders`, `recorder`) is written in one
+transaction with them, so that a recorder goes on with a run of any length without reading it.
 """
 
 from __future__ import annotations
@@ -9,18 +9,19 @@ from __future__ import annotations
 import logging
 import sqlite3
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from common.codec import DecodeError, decode
+from common.database import DatabaseFiles, damaged, transaction
 from common.frames import KNOWN_BOOTS, Frame, Known, Losses
 from common.messages import TOPICS, Topic
-from common.transaction import transaction
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
-_SCHEMA = """
+_MESSAGES = """
 CREATE TABLE messages (
     row INTEGER PRIMARY KEY,   -- in the order of arrival
     topic TEXT NOT NULL,
@@ -32,21 +33,44 @@ CREATE TABLE messages (
     problem TEXT               -- why it cannot be decoded; NULL for a sound message
 );
 CREATE UNIQUE INDEX messages_once ON messages (topic, boot_id, sequence);
-CREATE TABLE dropped (         -- what never came, because an outbox was over its limit or a producer was gone
+CREATE TABLE starts (number INTEGER PRIMARY KEY, date TEXT NOT NULL, arrived_s REAL);  -- of the recorder
+"""
+_SENDERS = """
+CREATE TABLE senders (         -- what is known to have been said since this run began
     topic TEXT NOT NULL,
     boot_id INTEGER NOT NULL,
-    count INTEGER NOT NULL,
+    first INTEGER NOT NULL,    -- sequence numbers
+    newest INTEGER NOT NULL,
+    stored INTEGER NOT NULL,   -- how many of them are in `messages`
     PRIMARY KEY (topic, boot_id)
 );
-CREATE TABLE outboxes (outbox_id INTEGER PRIMARY KEY, next_row INTEGER NOT NULL);
-CREATE TABLE starts (number INTEGER PRIMARY KEY, date TEXT NOT NULL, arrived_s REAL);  -- of the recorder
+CREATE TABLE recorder (        -- one row
+    recorder_id INTEGER NOT NULL,
+    files_row INTEGER NOT NULL, -- the files of the run folder were made from the messages up to this row,
+    files BLOB NOT NULL         -- and this is what it takes to go on with them (run_files.py)
+);
+"""
+_DROPPED = """
+CREATE VIEW dropped AS         -- what never came, because an outbox was over its limit or a producer was gone
+    SELECT topic, boot_id, newest - first + 1 - stored AS count FROM senders WHERE newest - first + 1 > stored;
+"""
+# Version 1 counted what was dropped in a table, and what was stored not at all
+_FROM_VERSION_1 = """
+INSERT INTO senders
+    SELECT topic, boot_id, min(sequence), max(sequence), count(*) FROM messages
+    GROUP BY topic, boot_id ORDER BY max(row);
+INSERT INTO senders SELECT topic, boot_id, 1, count, 0 FROM dropped WHERE true
+    ON CONFLICT (topic, boot_id) DO UPDATE SET newest = max(newest, first - 1 + stored + excluded.newest);
+DROP TABLE dropped;
+DROP TABLE outboxes;
 """
 _INSERT = (
     "INSERT OR IGNORE INTO messages (topic, boot_id, sequence, t_s, arrived_s, payload, problem)"
     " VALUES (?, ?, ?, ?, ?, ?, ?)"
 )
-_ADD_DROPPED = (
-    "INSERT INTO dropped VALUES (?, ?, ?) ON CONFLICT (topic, boot_id) DO UPDATE SET count = count + excluded.count"
+_SAID = (
+    "INSERT INTO senders VALUES (?, ?, ?, ?, ?) ON CONFLICT (topic, boot_id) DO UPDATE SET"
+    " first = min(first, excluded.first), newest = max(newest, excluded.newest), stored = stored + excluded.stored"
 )
 
 TOPIC_OF_KEY: Mapping[str, Topic[Any]] = {topic.key: topic for topic in TOPICS}
@@ -67,6 +91,14 @@ class Stored:
     payload: Any
 
 
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Of the files that were made from the messages up to `row`; no `data` where there is none yet."""
+
+    row: int
+    data: bytes
+
+
 @dataclass(slots=True)
 class Delivery:
     """What is to be stored in one transaction."""
@@ -74,16 +106,17 @@ class Delivery:
     arrived_s: float
     frames: list[Frame] = field(default_factory=list)
     dropped: Losses = field(default_factory=dict)
-    outbox_id: int | None = None
-    next_row: int = 0
+    from_outbox: bool = False
+    summary: Summary | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Result:
     """What became of a delivery."""
 
-    stored: list[Stored]
-    problems: dict[str, str]  # topic -> newest problem
+    stored: list[Stored] = field(default_factory=list)
+    problems: dict[str, str] = field(default_factory=dict)  # topic -> newest problem
+    row: int = 0  # the newest in the database
 
 
 def validate_data(frame: Frame) -> tuple[Any, str | None]:
@@ -110,58 +143,92 @@ def check_version(database: sqlite3.Connection, file: Path) -> int:
     return int(version)
 
 
+def put_aside(files: DatabaseFiles, error: BaseException) -> str:
+    """Makes way for another database; the sentence for a person. Raises OSError."""
+    kept = ", ".join(path.name for path in files.put_aside())
+    sentence = f"{str(error).rstrip('.')}: the run goes on in another database"
+    return f"{sentence}, what is left of this one is kept as {kept}" if kept else sentence
+
+
 class RunDatabase:
     """The database of one run, for its recorder; one thread at a time. Raises sqlite3.Error, OSError."""
 
-    def __init__(self, file: Path, date: str | None) -> None:
-        """`date`: wall time of this start; None in lockstep, where a run must repeat to the bit."""
-        file.parent.mkdir(parents=True, exist_ok=True)
-        self._database = sqlite3.connect(file, check_same_thread=False, isolation_level=None)
-        for setting in ("journal_mode = WAL", "synchronous = NORMAL", "journal_size_limit = 16000000"):
-            self._database.execute(f"PRAGMA {setting}")
-        if check_version(self._database, file) == 0:
-            self._database.executescript(f"BEGIN;{_SCHEMA}PRAGMA user_version = {SCHEMA_VERSION};COMMIT;")
-        if date is not None:
-            self._database.execute("INSERT INTO starts (date) VALUES (?)", (date,))
+    def __init__(self, file: Path, date: str | None, recorder_id: int) -> None:
+        """`date`: wall time of this start; None in lockstep, where a run must repeat to the bit, as does its recorder.
 
-    def next_rows(self) -> dict[int, int]:
-        """Outbox id -> the first row of it that is not here yet."""
-        return dict(self._database.execute("SELECT outbox_id, next_row FROM outboxes"))
+        Raises RunDatabaseError where this program cannot go on with what the file holds.
+        """
+        file.parent.mkdir(parents=True, exist_ok=True)
+        self.connection = sqlite3.connect(file, check_same_thread=False, isolation_level=None)
+        try:
+            version = check_version(self.connection, file)
+            # What is acknowledged must outlive a power cut; a run in lockstep can be had again
+            synchronous = "NORMAL" if date is None else "FULL"
+            for setting in ("journal_mode = WAL", f"synchronous = {synchronous}", "journal_size_limit = 16000000"):
+                self.connection.execute(f"PRAGMA {setting}")
+            if version < SCHEMA_VERSION:
+                self._bring_up_to_date(version, recorder_id)
+            if date is not None:
+                self.connection.execute("INSERT INTO starts (date) VALUES (?)", (date,))
+            (self.recorder_id,) = self.connection.execute("SELECT recorder_id FROM recorder").fetchone()
+        except BaseException:
+            self.connection.close()
+            raise
+        self._files = DatabaseFiles(file)
 
     def heard(self, topics: Iterable[Topic[Any]]) -> Known:
         """Newest sequence number by (topic, boot id), of the last KNOWN_BOOTS senders of each of these topics."""
         known: Known = {}
-        query = (
-            "SELECT boot_id, max(sequence), max(row) FROM messages WHERE topic = ?"
-            " GROUP BY boot_id ORDER BY max(row) DESC LIMIT ?"
-        )
+        query = "SELECT boot_id, newest FROM senders WHERE topic = ? ORDER BY rowid DESC LIMIT ?"
         for topic in topics:
-            rows = self._database.execute(query, (topic.key, KNOWN_BOOTS)).fetchall()
-            known |= {(topic.key, boot_id): sequence for boot_id, sequence, _ in reversed(rows)}
+            rows = self.connection.execute(query, (topic.key, KNOWN_BOOTS)).fetchall()
+            known |= {(topic.key, boot_id): newest for boot_id, newest in reversed(rows)}
         return known
 
     def store_data(self, delivery: Delivery) -> Result:
-        """Validate and store, all or nothing; what is there already stays as it is."""
-        result = Result([], {})
-        with transaction(self._database):
+        """Validate and store, all or nothing; what is there already stays as it is.
+
+        Raises DatabaseMovedError when the file is no longer the one that others find: then nothing counts as stored.
+        """
+        result = Result()
+        with transaction(self.connection):
             for frame in delivery.frames:
                 self._store_frame(frame, delivery.arrived_s, result)
-            losses = [(*source, count) for source, count in delivery.dropped.items()]
-            self._database.executemany(_ADD_DROPPED, losses)
-            if delivery.outbox_id is not None:
-                reached = (delivery.outbox_id, delivery.next_row)
-                self._database.execute("INSERT OR REPLACE INTO outboxes VALUES (?, ?)", reached)
+            losses = [(*source, first, last, 0) for source, (first, last) in delivery.dropped.items()]
+            self.connection.executemany(_SAID, losses)
+            if delivery.summary is not None:
+                kept = (delivery.summary.row, delivery.summary.data)
+                self.connection.execute("UPDATE recorder SET files_row = ?, files = ?", kept)
+            result.row = self.connection.execute("SELECT coalesce(max(row), 0) FROM messages").fetchone()[0]
+            self._files.check()
+        self._files.check()
         return result
 
+    def summary(self) -> Summary:
+        return Summary(*self.connection.execute("SELECT files_row, files FROM recorder").fetchone())
+
+    def leave(self, error: BaseException) -> str:
+        """Closes it because of such an error; says what became of the file. Raises OSError."""
+        lost = self._files.replaced or damaged(error)
+        self.close()
+        return put_aside(self._files, error) if lost else ""
+
     def close(self) -> None:
-        self._database.close()
+        with suppress(sqlite3.Error):
+            self.connection.close()
+
+    def _bring_up_to_date(self, version: int, recorder_id: int) -> None:
+        tables = _MESSAGES + _SENDERS if version == 0 else _SENDERS + _FROM_VERSION_1
+        begin = f"INSERT INTO recorder VALUES ({recorder_id}, 0, x'');PRAGMA user_version = {SCHEMA_VERSION};"
+        self.connection.executescript(f"BEGIN;{tables}{_DROPPED}{begin}COMMIT;")
 
     def _store_frame(self, frame: Frame, arrived_s: float, result: Result) -> None:
         payload, problem = validate_data(frame)
         t_s = None if payload is None else payload.t_s
         row = (frame.key, frame.boot_id, frame.sequence, t_s, arrived_s, frame.data, problem)
-        if not self._database.execute(_INSERT, row).rowcount:
+        if not self.connection.execute(_INSERT, row).rowcount:
             return
+        self.connection.execute(_SAID, (frame.key, frame.boot_id, frame.sequence, frame.sequence, 1))
         if problem is None:
             result.stored.append(Stored(TOPIC_OF_KEY[frame.key], frame.boot_id, payload))
         else:

@@ -1,7 +1,10 @@
 """The outbox on the disk (SQLite): rows of messages from when they were heard until the recorder has them.
 
-A row is one MessagePack of some messages and of how many were dropped before them. What was heard of every sender is
+A row is one MessagePack of some messages and of what was dropped before them. What was heard of every sender is
 written with the rows, in one transaction: a comm that is killed knows afterwards what it must still ask for.
+
+After a power cut the file may be as it was a while before, and give the same row numbers to other messages. So numbers
+and receipts count for one life of the outbox, from its opening on; a message is known by its own identity.
 """
 
 from __future__ import annotations
@@ -16,15 +19,16 @@ from pathlib import Path
 
 import msgpack
 
+from common.database import DatabaseFiles, damaged, transaction
 from common.frames import Frame, Known, Losses
-from common.transaction import transaction
 
 LOAD_BYTES = 256_000  # of rows that go to the recorder together
 ROW_BYTES = 64_000  # a row ends where it passes this; a single message may be longer
+RAM_BYTES = 64_000_000  # of an outbox that has no disk
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS rows (number INTEGER PRIMARY KEY AUTOINCREMENT, data BLOB NOT NULL);
-CREATE TABLE IF NOT EXISTS state (only INTEGER PRIMARY KEY CHECK (only = 1), outbox_id INTEGER, heard BLOB);
+CREATE TABLE IF NOT EXISTS heard (topic TEXT, boot_id INTEGER, sequence INTEGER, PRIMARY KEY (topic, boot_id));
 """
 
 _log = logging.getLogger("comm")
@@ -32,9 +36,10 @@ _log = logging.getLogger("comm")
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """What goes to the recorder next: packed rows from `number` on."""
+    """What goes to the recorder next: packed rows from `number` on, all before `end`."""
 
     number: int
+    end: int
     data: bytes
 
 
@@ -42,14 +47,15 @@ class Rows:
 class Turn:
     """What the store looks like after its newest transaction; its first rows where they were asked for."""
 
+    outbox_id: int
     stored_bytes: int
     first: Rows | None
 
 
 def pack_row(frames: Sequence[Frame], dropped: Losses) -> bytes:
-    """One row: messages as [topic, boot id, sequence, bytes], losses as [topic, boot id, count]."""
+    """One row: messages as [topic, boot id, sequence, bytes], losses as [topic, boot id, first, last]."""
     messages = [[f.key, f.boot_id, f.sequence, f.data] for f in frames]
-    packed: bytes = msgpack.packb([messages, [[*source, count] for source, count in dropped.items()]])
+    packed: bytes = msgpack.packb([messages, [[*source, *span] for source, span in dropped.items()]])
     return packed
 
 
@@ -66,59 +72,106 @@ def cut_into_rows(frames: Sequence[Frame]) -> list[list[Frame]]:
 
 
 class OutboxStore:
-    """The file; for one thread at a time. `new_id` names an outbox that begins. Raises sqlite3.Error and OSError."""
+    """The file; for one thread at a time. `new_id` names its first life. Raises sqlite3.Error and OSError."""
 
     def __init__(self, file: Path | None, new_id: int | None = None) -> None:
-        """None for the file: in memory, for lockstep."""
-        if file is not None:
-            file.parent.mkdir(parents=True, exist_ok=True)
-        self._database = sqlite3.connect(file or ":memory:", check_same_thread=False, isolation_level=None)
-        # WAL with NORMAL: no commit waits for the medium, and none is torn; a power cut may cost the newest second
-        for setting in ("journal_mode = WAL", "synchronous = NORMAL", "journal_size_limit = 4000000"):
-            self._database.execute(f"PRAGMA {setting}")
-        self._database.executescript(_SCHEMA)
-        start = (1, secrets.randbits(48) if new_id is None else new_id, msgpack.packb([]))
-        self._database.execute("INSERT OR IGNORE INTO state VALUES (?, ?, ?)", start)
-        self.outbox_id, heard = self._database.execute("SELECT outbox_id, heard FROM state").fetchone()
-        self.heard: Known = {(key, boot_id): sequence for key, boot_id, sequence in msgpack.unpackb(heard)}
-        (self._stored_bytes,) = self._database.execute("SELECT total(length(data)) FROM rows").fetchone()
+        """None for the file: in memory, where it takes RAM_BYTES and no more."""
+        self._file = file
+        self._database: sqlite3.Connection | None = None
+        self._open(new_id)
+
+    @property
+    def in_memory(self) -> bool:
+        return self._file is None
 
     def look(self) -> Turn:
         """What an earlier life left."""
-        return Turn(int(self._stored_bytes), self._first())
+        return Turn(self.outbox_id, self._stored_bytes, self._first(self._database or self._open()))
 
     def turn(
-        self, frames: Sequence[Frame], dropped: Losses, heard: Known, acknowledged: int, *, load: bool = False
+        self, frames: Sequence[Frame], dropped: Losses, heard: Known, outbox_id: int, acknowledged: int, load: bool
     ) -> Turn:
-        """One transaction: store what came, remove all rows before `acknowledged`; `load` what is first now."""
-        stored_bytes = self._stored_bytes
-        with transaction(self._database):
-            gone = self._database.execute("SELECT total(length(data)) FROM rows WHERE number < ?", (acknowledged,))
-            stored_bytes -= gone.fetchone()[0]
-            self._database.execute("DELETE FROM rows WHERE number < ?", (acknowledged,))
-            if frames or dropped:
-                packed = [pack_row(row, dropped if i == 0 else {}) for i, row in enumerate(cut_into_rows(frames))]
-                self._database.executemany("INSERT INTO rows (data) VALUES (?)", [(row,) for row in packed])
-                stored_bytes += sum(map(len, packed))
-                known = msgpack.packb([[*source, sequence] for source, sequence in heard.items()])
-                self._database.execute("UPDATE state SET heard = ?", (known,))
-        self._stored_bytes = stored_bytes
-        return Turn(int(stored_bytes), self._first() if load else None)
+        """One transaction: store what came, remove all rows before `acknowledged`; `load` what is first now.
+
+        `outbox_id` is the life that was acknowledged. A file that turns out to be damaged is put aside, and another
+        life begins with what came.
+        """
+        try:
+            return self._turn(frames, dropped, heard, outbox_id, acknowledged, load)
+        except sqlite3.DatabaseError as error:
+            if self._file is None or not damaged(error):
+                raise
+            _log.error("outbox is damaged, another begins error=%s", error)
+            self.close()
+            _put_aside(self._file)
+        return self._turn(frames, dropped, heard, outbox_id, acknowledged, load)
 
     def close(self) -> None:
-        self._database.close()
+        database, self._database = self._database, None
+        if database is not None:
+            with suppress(sqlite3.Error):
+                database.close()
 
-    def _first(self) -> Rows | None:
+    def _open(self, new_id: int | None = None) -> sqlite3.Connection:
+        if self._file is not None:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+        database = sqlite3.connect(self._file or ":memory:", check_same_thread=False, isolation_level=None)
+        try:
+            # WAL with NORMAL: no commit waits for the medium, and none is torn; a power cut costs what the system had
+            # not handed to the medium, which it does within half a minute
+            for setting in ("journal_mode = WAL", "synchronous = NORMAL", "journal_size_limit = 4000000"):
+                database.execute(f"PRAGMA {setting}")
+            if self._file is None:
+                (page_bytes,) = database.execute("PRAGMA page_size").fetchone()
+                database.execute(f"PRAGMA max_page_count = {RAM_BYTES // page_bytes}")
+            database.executescript(_SCHEMA)
+            known = database.execute("SELECT topic, boot_id, sequence FROM heard ORDER BY rowid")
+            self.heard: Known = {(key, boot_id): sequence for key, boot_id, sequence in known}
+            (stored_bytes,) = database.execute("SELECT total(length(data)) FROM rows").fetchone()
+        except sqlite3.Error:
+            database.close()
+            raise
+        self._stored_bytes = int(stored_bytes)
+        self.outbox_id = secrets.randbits(48) if new_id is None else new_id
+        self._database = database
+        return database
+
+    def _turn(
+        self, frames: Sequence[Frame], dropped: Losses, heard: Known, outbox_id: int, acknowledged: int, load: bool
+    ) -> Turn:
+        database = self._database or self._open()
+        same_life = outbox_id == self.outbox_id
+        stored_bytes = self._stored_bytes
+        with transaction(database):
+            if same_life:
+                query = "SELECT total(length(data)) FROM rows WHERE number < ?"
+                stored_bytes -= int(database.execute(query, (acknowledged,)).fetchone()[0])
+                database.execute("DELETE FROM rows WHERE number < ?", (acknowledged,))
+            if frames or dropped:
+                packed = [pack_row(row, dropped if i == 0 else {}) for i, row in enumerate(cut_into_rows(frames))]
+                database.executemany("INSERT INTO rows (data) VALUES (?)", [(row,) for row in packed])
+                stored_bytes += sum(map(len, packed))
+            self._write_heard(database, heard)
+        self._stored_bytes, self.heard = stored_bytes, heard
+        return Turn(self.outbox_id, stored_bytes, self._first(database) if load or not same_life else None)
+
+    def _write_heard(self, database: sqlite3.Connection, heard: Known) -> None:
+        changed = [(*source, sequence) for source, sequence in heard.items() if self.heard.get(source) != sequence]
+        database.executemany("INSERT OR REPLACE INTO heard VALUES (?, ?, ?)", changed)
+        forgotten = self.heard.keys() - heard.keys()
+        database.executemany("DELETE FROM heard WHERE topic = ? AND boot_id = ?", list(forgotten))
+
+    def _first(self, database: sqlite3.Connection) -> Rows | None:
         rows: list[tuple[int, bytes]] = []
         size = 0
-        for number, data in self._database.execute("SELECT number, data FROM rows ORDER BY number LIMIT 256"):
+        for number, data in database.execute("SELECT number, data FROM rows ORDER BY number LIMIT 256"):
             if rows and size + len(data) > LOAD_BYTES:
                 break
             rows.append((number, data))
             size += len(data)
         if not rows:
             return None
-        return Rows(rows[0][0], msgpack.packb([list(row) for row in rows]))
+        return Rows(rows[0][0], rows[-1][0] + 1, msgpack.packb([list(row) for row in rows]))
 
 
 def open_store(file: Path | None, new_id: int | None = None) -> OutboxStore:
@@ -128,9 +181,14 @@ def open_store(file: Path | None, new_id: int | None = None) -> OutboxStore:
             return OutboxStore(attempt, new_id)
         except sqlite3.DatabaseError as error:
             _log.error("outbox cannot be opened file=%s error=%s", attempt, error)
-            if attempt is not None and not isinstance(error, sqlite3.OperationalError):
+            if attempt is not None and damaged(error):
                 with suppress(OSError):
-                    attempt.replace(attempt.with_suffix(".broken"))
+                    _put_aside(attempt)
         except OSError as error:
             _log.error("outbox cannot be opened file=%s error=%s", attempt, error)
     return OutboxStore(None, new_id)
+
+
+def _put_aside(file: Path) -> None:
+    kept = DatabaseFiles(file).put_aside()
+    _log.error("the damaged outbox is kept as %s", " ".join(map(str, kept)))

@@ -26,7 +26,8 @@ from common.messages import (
 )
 from offboard.recorder.recorder import Recorder
 from offboard.recorder.run_database import RunReader
-from onboard.comm.outbox import PIECE_BYTES, ROW_PERIOD_S, THINNED_TO, Outbox
+from onboard.comm.outbox import ROW_PERIOD_S, THINNED_TO, Outbox
+from onboard.comm.outbox_sender import PIECE_BYTES
 from onboard.comm.outbox_store import OutboxStore, open_store
 
 
@@ -49,7 +50,7 @@ class Link:
         for bus in self.far:
             bus.take(OUTBOX)
         self.connected = True
-        self.said = 0
+        self.said = self.lives = 0
         self.crossed: list[OutboxPiece] = []
         self.start_outbox()
         self.start_recorder()
@@ -57,7 +58,8 @@ class Link:
 
     def start_outbox(self) -> None:
         self.comm = self.robot.endpoint("comm")
-        self.outbox = Outbox(self.folder / "outbox.sqlite", self.limit_bytes, new_id=5)
+        self.lives += 1
+        self.outbox = Outbox(self.folder / "outbox.sqlite", self.limit_bytes, new_id=4 + self.lives)
 
     def start_recorder(self) -> None:
         self.bus = self.laptop.endpoint("recorder")
@@ -131,7 +133,9 @@ def test_an_outbox_that_was_killed_goes_on_where_its_disk_says(link: Link) -> No
     link.run(5.0, link.say)
     # Not closed: what was not yet on the disk is gone with it
     link.outbox._store.close()
-    heard = OutboxStore(link.folder / "outbox.sqlite").heard
+    store = OutboxStore(link.folder / "outbox.sqlite")
+    heard = store.heard
+    store.close()
     newest = next(sequence for (key, _), sequence in heard.items() if key == POSE.key)
     link.start_outbox()
     link.connected = True
@@ -144,7 +148,7 @@ def test_a_recorder_that_was_killed_in_the_middle_of_a_photo_goes_on(link: Link)
     link.module.publish(POI, door(1, photo_bytes))
     link.run(ROW_PERIOD_S + 0.2)
     assert 1 < len(link.crossed) < 10
-    link.recorder._database.close()  # type: ignore[union-attr]
+    link.recorder._run.database.close()  # type: ignore[union-attr]
     link.start_recorder()
     link.run(10.0, link.say)
     link.run(2.0)
@@ -158,7 +162,7 @@ def test_a_recorder_that_was_killed_in_the_middle_of_a_photo_goes_on(link: Link)
 def test_a_recorder_that_is_killed_at_any_moment_goes_on(link: Link, steps: int) -> None:
     link.module.publish(POI, door(1, 3 * PIECE_BYTES))
     link.run(steps * 0.05, link.say)
-    link.recorder._database.close()  # type: ignore[union-attr]
+    link.recorder._run.database.close()  # type: ignore[union-attr]
     link.laptop = LocalMesh(3)
     link.far = link.far[0], link.laptop.endpoint("far")
     link.far[1].take(OUTBOX)
@@ -230,16 +234,16 @@ def test_above_its_limit_only_status_and_log_thin_out_and_the_database_says_how_
 
 def test_a_full_disk_of_the_laptop_keeps_everything_on_the_robot_until_there_is_space(link: Link) -> None:
     link.run(2.0, link.say)
-    database = link.recorder._database
-    assert database is not None
-    (pages,) = database._database.execute("PRAGMA page_count").fetchone()
-    database._database.execute(f"PRAGMA max_page_count = {pages}")
+    assert link.recorder._run is not None
+    database = link.recorder._run.database.connection
+    (pages,) = database.execute("PRAGMA page_count").fetchone()
+    database.execute(f"PRAGMA max_page_count = {pages}")
     link.run(60.0, link.say)
     status = link.bus.latest(STATUS["recorder"])
     assert status is not None
     assert status.error_code == ErrorCode.DISK_FULL
     assert link.outbox.stored_bytes > 50_000
-    database._database.execute("PRAGMA max_page_count = 1000000")
+    database.execute("PRAGMA max_page_count = 1000000")
     link.run(20.0)
     link.assert_all_once()
     status = link.bus.latest(STATUS["recorder"])
@@ -250,11 +254,12 @@ def test_a_full_disk_of_the_laptop_keeps_everything_on_the_robot_until_there_is_
 def test_a_full_disk_of_the_robot_keeps_messages_in_memory(link: Link) -> None:
     link.connected = False
     link.run(2.0, link.say)
-    store = link.outbox._store
-    (pages,) = store._database.execute("PRAGMA page_count").fetchone()
-    store._database.execute(f"PRAGMA max_page_count = {pages}")
+    database = link.outbox._store._database
+    assert database is not None
+    (pages,) = database.execute("PRAGMA page_count").fetchone()
+    database.execute(f"PRAGMA max_page_count = {pages}")
     link.run(20.0, link.say)
-    store._database.execute("PRAGMA max_page_count = 1000000")
+    database.execute("PRAGMA max_page_count = 1000000")
     link.connected = True
     link.run(10.0)
     link.assert_all_once()
@@ -293,7 +298,7 @@ def test_an_outbox_file_that_is_none_is_put_aside(tmp_path: Path) -> None:
     file.write_bytes(b"no database at all" * 100)
     store = open_store(file)
     assert store.heard == {}
-    assert (tmp_path / "outbox.broken").exists()
+    assert (tmp_path / "outbox.aside-1.sqlite").exists()
     store.close()
     with sqlite3.connect(file) as database:
         assert database.execute("SELECT count(*) FROM rows").fetchone() == (0,)

@@ -226,7 +226,7 @@ def test_folder_that_cannot_be_made_is_a_warning_and_no_crash(tmp_path: Path) ->
     run = Run(tmp_path / "file" / "run")
     run.say(POSE, pose(1.0))
     run.recorder.close()
-    assert run.error == ErrorCode.DISK_FULL
+    assert run.error == ErrorCode.DISK_REFUSES
 
 
 def test_line_that_the_disk_took_in_part_is_taken_back(tmp_path: Path) -> None:

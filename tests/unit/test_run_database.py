@@ -34,7 +34,7 @@ def frame(topic: Any, sequence: int, payload: Any, boot_id: int = 1) -> Frame:
 
 @pytest.fixture
 def database(tmp_path: Path) -> RunDatabase:
-    return RunDatabase(tmp_path / "run.sqlite", "2026-01-02T03:04:05+00:00")
+    return RunDatabase(tmp_path / "run.sqlite", "2026-01-02T03:04:05+00:00", recorder_id=7)
 
 
 def store(database: RunDatabase, *frames: Frame) -> int:
