@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from itertools import accumulate, takewhile
 from pathlib import Path
 
 from common.bus import Bus
-from common.disk_worker import DiskWorker
+from common.disk_worker import DiskError, DiskWorker
 from common.frames import Frame, Known, Losses, add_loss, remember
 from common.messages import LOG, OUTBOX, RECEIPT, ROBOT_RECORDED, STATUS
 from onboard.comm.last_words import LastWords
@@ -24,6 +25,7 @@ from onboard.comm.outbox_store import RAM_BYTES, OutboxStore, Turn, open_store
 ROW_PERIOD_S = 0.25
 RETRY_S = 1.0  # after the disk refused
 WAITING_BYTES_MAX = 8_000_000  # in RAM, while the disk does not take them
+SAVE_BYTES_MAX = 1_000_000  # of them that the disk takes together
 THINNED_TO = 10
 
 FILE_NAME = "outbox.sqlite"
@@ -85,11 +87,11 @@ class Outbox:
     def close(self) -> None:
         """What still waits goes onto the disk, for the next life."""
         outcome = self._disk.close()
-        if outcome is not None and outcome.value is not None:
+        if outcome is not None and outcome.value is not None and outcome.value.refused is None:
             self._forget_saved()
         if (self._waiting or self._dropped) and self._disk_works:
             closing: DiskWorker[Turn] = DiskWorker("outbox", at_once=True)
-            closing.begin(self._work())
+            closing.begin(self._work(len(self._waiting)))
         self._store.close()
 
     def _collect(self, bus: Bus) -> None:
@@ -121,18 +123,15 @@ class Outbox:
         outcome = self._disk.outcome()
         if outcome is None:
             return
-        if outcome.value is None:
-            if self._disk_works:
-                _log.error("outbox cannot be written, messages wait in memory error=%s", outcome.error)
-            self._disk_works = False
+        turn, was_thinning = outcome.value, self.thinning
+        refused = outcome.error if turn is None else turn.refused
+        if refused is None:
+            self._forget_saved()
+        else:
             self._save_due_s, self._removed = now_s + RETRY_S, 0
+        self._tell_disk(refused)
+        if turn is None:
             return
-        if not self._disk_works:
-            _log.info("outbox can be written again")
-            self._disk_works = True
-        turn = outcome.value
-        self._forget_saved()
-        was_thinning = self.thinning
         self._stored_bytes = turn.stored_bytes
         if self.thinning != was_thinning:
             _log.warning("outbox thinning=%s stored_bytes=%d", self.thinning, self._stored_bytes)
@@ -142,6 +141,13 @@ class Outbox:
         elif self._sender.rows is None:
             # Rows that were appended meanwhile wait until those on their way are acknowledged
             self._sender.begin(turn.first, now_s)
+
+    def _tell_disk(self, refused: DiskError | None) -> None:
+        if refused is not None and self._disk_works:
+            _log.error("outbox cannot be written, messages wait in memory error=%s", refused)
+        elif refused is None and not self._disk_works:
+            _log.info("outbox can be written again")
+        self._disk_works = refused is None
 
     def _forget_saved(self) -> None:
         count, dropped = self._handed
@@ -165,12 +171,16 @@ class Outbox:
         if not (self._waiting or self._dropped) and self._sender.acknowledged == self._removed:
             return
         self._save_due_s, self._next_rows_due = now_s + ROW_PERIOD_S, False
-        self._handed = (len(self._waiting), dict(self._dropped))
+        # A disk with little space takes some, where it would take nothing of all
+        ends = accumulate(len(frame.data) for frame in self._waiting)
+        within = sum(1 for _ in takewhile(lambda end: end <= SAVE_BYTES_MAX, ends))
+        count = min(max(within, 1), len(self._waiting))
+        self._handed = (count, dict(self._dropped))
         self._removed = self._sender.acknowledged
-        self._disk.begin(self._work())
+        self._disk.begin(self._work(count))
 
-    def _work(self) -> Callable[[], Turn]:
-        """What there is to do for the disk, as of now."""
-        frames, dropped, heard = list(self._waiting), dict(self._dropped), dict(self._heard)
+    def _work(self, count: int) -> Callable[[], Turn]:
+        """What there is to do for the disk, as of now, with so many of the messages that wait."""
+        frames, dropped, heard = self._waiting[:count], dict(self._dropped), dict(self._heard)
         life, acknowledged, load = self._sender.outbox_id, self._sender.acknowledged, self._sender.rows is None
         return lambda: self._store.turn(frames, dropped, heard, life, acknowledged, load)

@@ -26,6 +26,8 @@ LOAD_BYTES = 256_000  # of rows that go to the recorder together
 ROW_BYTES = 64_000  # a row ends where it passes this; a single message may be longer
 RAM_BYTES = 64_000_000  # of an outbox that has no disk
 
+_OPEN = 1  # as the file's user version, while a life lasts
+
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS rows (number INTEGER PRIMARY KEY AUTOINCREMENT, data BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS heard (topic TEXT, boot_id INTEGER, sequence INTEGER, PRIMARY KEY (topic, boot_id));
@@ -50,6 +52,7 @@ class Turn:
     outbox_id: int
     stored_bytes: int
     first: Rows | None
+    refused: sqlite3.Error | None = None  # why nothing that came was stored
 
 
 def pack_row(frames: Sequence[Frame], dropped: Losses) -> bytes:
@@ -91,7 +94,7 @@ class OutboxStore:
     def turn(
         self, frames: Sequence[Frame], dropped: Losses, heard: Known, outbox_id: int, acknowledged: int, load: bool
     ) -> Turn:
-        """One transaction: store what came, remove all rows before `acknowledged`; `load` what is first now.
+        """Stores what came, all or nothing, removes all rows before `acknowledged`, and `load`s what is first now.
 
         `outbox_id` is the life that was acknowledged. A file that turns out to be damaged is put aside, and another
         life begins with what came.
@@ -110,6 +113,8 @@ class OutboxStore:
         database, self._database = self._database, None
         if database is not None:
             with suppress(sqlite3.Error):
+                database.execute("PRAGMA user_version = 0")
+            with suppress(sqlite3.Error):
                 database.close()
 
     def _open(self, new_id: int | None = None) -> sqlite3.Connection:
@@ -125,6 +130,10 @@ class OutboxStore:
                 (page_bytes,) = database.execute("PRAGMA page_size").fetchone()
                 database.execute(f"PRAGMA max_page_count = {RAM_BYTES // page_bytes}")
             database.executescript(_SCHEMA)
+            # What was said last and is on no disk nobody can count: at least it is said that there may be such
+            if database.execute("PRAGMA user_version").fetchone() == (_OPEN,):
+                _log.warning("outbox was not closed: after a power cut, what the disk had not taken is missing")
+            database.execute(f"PRAGMA user_version = {_OPEN}")
             known = database.execute("SELECT topic, boot_id, sequence FROM heard ORDER BY rowid")
             self.heard: Known = {(key, boot_id): sequence for key, boot_id, sequence in known}
             (stored_bytes,) = database.execute("SELECT total(length(data)) FROM rows").fetchone()
@@ -140,20 +149,38 @@ class OutboxStore:
         self, frames: Sequence[Frame], dropped: Losses, heard: Known, outbox_id: int, acknowledged: int, load: bool
     ) -> Turn:
         database = self._database or self._open()
-        same_life = outbox_id == self.outbox_id
-        stored_bytes = self._stored_bytes
-        with transaction(database):
-            if same_life:
-                query = "SELECT total(length(data)) FROM rows WHERE number < ?"
-                stored_bytes -= int(database.execute(query, (acknowledged,)).fetchone()[0])
-                database.execute("DELETE FROM rows WHERE number < ?", (acknowledged,))
-            if frames or dropped:
-                packed = [pack_row(row, dropped if i == 0 else {}) for i, row in enumerate(cut_into_rows(frames))]
-                database.executemany("INSERT INTO rows (data) VALUES (?)", [(row,) for row in packed])
-                stored_bytes += sum(map(len, packed))
-            self._write_heard(database, heard)
-        self._stored_bytes, self.heard = stored_bytes, heard
-        return Turn(self.outbox_id, stored_bytes, self._first(database) if load or not same_life else None)
+        load = load or outbox_id != self.outbox_id
+        acknowledged = acknowledged if outbox_id == self.outbox_id else 0
+        refused: sqlite3.Error | None = None
+        try:
+            with transaction(database):
+                removed_bytes = self._remove(database, acknowledged)
+                added_bytes = self._store(database, frames, dropped)
+                self._write_heard(database, heard)
+            self._stored_bytes += added_bytes - removed_bytes
+            self.heard = heard
+        except sqlite3.Error as error:
+            if damaged(error):
+                raise
+            refused = error
+            # Where there is no space, what leaves makes some
+            with suppress(sqlite3.OperationalError), transaction(database):
+                removed_bytes = self._remove(database, acknowledged)
+                self._stored_bytes -= removed_bytes
+        return Turn(self.outbox_id, self._stored_bytes, self._first(database, acknowledged) if load else None, refused)
+
+    def _remove(self, database: sqlite3.Connection, acknowledged: int) -> int:
+        query = "SELECT total(length(data)) FROM rows WHERE number < ?"
+        (removed_bytes,) = database.execute(query, (acknowledged,)).fetchone()
+        database.execute("DELETE FROM rows WHERE number < ?", (acknowledged,))
+        return int(removed_bytes)
+
+    def _store(self, database: sqlite3.Connection, frames: Sequence[Frame], dropped: Losses) -> int:
+        if not frames and not dropped:
+            return 0
+        packed = [pack_row(row, dropped if i == 0 else {}) for i, row in enumerate(cut_into_rows(frames))]
+        database.executemany("INSERT INTO rows (data) VALUES (?)", [(row,) for row in packed])
+        return sum(map(len, packed))
 
     def _write_heard(self, database: sqlite3.Connection, heard: Known) -> None:
         changed = [(*source, sequence) for source, sequence in heard.items() if self.heard.get(source) != sequence]
@@ -161,10 +188,12 @@ class OutboxStore:
         forgotten = self.heard.keys() - heard.keys()
         database.executemany("DELETE FROM heard WHERE topic = ? AND boot_id = ?", list(forgotten))
 
-    def _first(self, database: sqlite3.Connection) -> Rows | None:
+    def _first(self, database: sqlite3.Connection, start: int = 0) -> Rows | None:
+        """The first rows from a number on."""
+        query = "SELECT number, data FROM rows WHERE number >= ? ORDER BY number LIMIT 256"
         rows: list[tuple[int, bytes]] = []
         size = 0
-        for number, data in database.execute("SELECT number, data FROM rows ORDER BY number LIMIT 256"):
+        for number, data in database.execute(query, (start,)):
             if rows and size + len(data) > LOAD_BYTES:
                 break
             rows.append((number, data))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from common.bus import LocalMesh
 from common.errors import ErrorCode
+from common.frames import KNOWN_BOOTS
 from common.messages import (
     LOG,
     OUTBOX,
@@ -20,87 +21,14 @@ from common.messages import (
     LogLine,
     OutboxPiece,
     OutboxReceipt,
-    PointOfInterest,
-    PoseEstimate,
     Status,
 )
 from offboard.recorder.recorder import Recorder
-from offboard.recorder.run_database import RunReader
-from onboard.comm.outbox import ROW_PERIOD_S, THINNED_TO, Outbox
-from onboard.comm.outbox_sender import PIECE_BYTES
+from onboard.comm import outbox, outbox_store
+from onboard.comm.outbox import ROW_PERIOD_S, THINNED_TO
+from onboard.comm.outbox_sender import OWNER_SILENCE_S, PIECE_BYTES
 from onboard.comm.outbox_store import OutboxStore, open_store
-
-
-def pose(t_s: float) -> PoseEstimate:
-    return PoseEstimate(t_s, t_s, 0.0, 0.0, 0.0, 0.01, 0.01, 1)
-
-
-def door(number: int, photo_bytes: int) -> PointOfInterest:
-    return PointOfInterest(1.0, number, "Door", "", 1.0, 2.0, "", "", 0.9, "read", bytes(photo_bytes))
-
-
-class Link:
-    """A robot with an outbox, a laptop with a recorder, and the link between them, which may be cut."""
-
-    def __init__(self, folder: Path, limit_bytes: int = 100_000_000) -> None:
-        self.folder, self.limit_bytes = folder, limit_bytes
-        self.robot, self.laptop = LocalMesh(1), LocalMesh(2)
-        self.module = self.robot.endpoint("mmu")
-        self.far = self.robot.endpoint("far"), self.laptop.endpoint("far")
-        for bus in self.far:
-            bus.take(OUTBOX)
-        self.connected = True
-        self.said = self.lives = 0
-        self.crossed: list[OutboxPiece] = []
-        self.start_outbox()
-        self.start_recorder()
-        self.run(0.1)
-
-    def start_outbox(self) -> None:
-        self.comm = self.robot.endpoint("comm")
-        self.lives += 1
-        self.outbox = Outbox(self.folder / "outbox.sqlite", self.limit_bytes, new_id=4 + self.lives)
-
-    def start_recorder(self) -> None:
-        self.bus = self.laptop.endpoint("recorder")
-        self.recorder = Recorder(self.folder / "run")
-
-    def say(self, count: int = 1) -> None:
-        for _ in range(count):
-            self.said += 1
-            self.module.publish(POSE, pose(float(self.said)))
-
-    def run(self, duration_s: float, each: Callable[[], object] = lambda: None) -> None:
-        for _ in range(round(duration_s / 0.05)):
-            self.robot.now_s = self.laptop.now_s = round(self.robot.now_s + 0.05, 6)
-            each()
-            self.outbox.step(self.comm, self.robot.now_s)
-            self.cross()
-            self.recorder.step(self.bus, self.laptop.now_s)
-            self.cross()
-
-    def cross(self) -> None:
-        at_robot, at_laptop = self.far
-        pieces = at_robot.take(OUTBOX)
-        receipt = at_laptop.latest(RECEIPT)
-        if not self.connected:
-            return
-        for piece in pieces:
-            self.crossed.append(piece)
-            at_laptop.publish(OUTBOX, piece)
-        if receipt is not None and receipt is not at_robot.latest(RECEIPT):
-            at_robot.publish(RECEIPT, receipt)
-
-    def reader(self) -> RunReader:
-        return RunReader(self.folder / "run")
-
-    def stored(self) -> list[float]:
-        with self.reader() as run:
-            return [message.payload.t_s for message in run.messages(POSE)]
-
-    def assert_all_once(self) -> None:
-        assert self.stored() == [float(k) for k in range(1, self.said + 1)]
-        assert self.outbox.stored_bytes == 0
+from tests.unit.outbox_link import Link, damage, door, poses_in
 
 
 @pytest.fixture
@@ -165,7 +93,7 @@ def test_a_recorder_that_is_killed_at_any_moment_goes_on(link: Link, steps: int)
     link.recorder._run.database.close()  # type: ignore[union-attr]
     link.laptop = LocalMesh(3)
     link.far = link.far[0], link.laptop.endpoint("far")
-    link.far[1].take(OUTBOX)
+    link.far[1].take(RECEIPT)
     link.start_recorder()
     link.run(5.0, link.say)
     link.run(5.0)
@@ -198,7 +126,7 @@ def test_an_outbox_that_goes_to_a_new_recorder_begins_with_what_nobody_has(link:
     link.run(2.0)
     before = link.said
     link.recorder.close()
-    link.folder = link.folder / "other"
+    link.run_dir = link.folder / "other"
     link.start_recorder()
     link.run(3.0, link.say)
     link.run(2.0)
@@ -239,16 +167,12 @@ def test_a_full_disk_of_the_laptop_keeps_everything_on_the_robot_until_there_is_
     (pages,) = database.execute("PRAGMA page_count").fetchone()
     database.execute(f"PRAGMA max_page_count = {pages}")
     link.run(60.0, link.say)
-    status = link.bus.latest(STATUS["recorder"])
-    assert status is not None
-    assert status.error_code == ErrorCode.DISK_FULL
+    assert link.status.error_code == ErrorCode.DISK_FULL
     assert link.outbox.stored_bytes > 50_000
     database.execute("PRAGMA max_page_count = 1000000")
     link.run(20.0)
     link.assert_all_once()
-    status = link.bus.latest(STATUS["recorder"])
-    assert status is not None
-    assert status.error_code == ErrorCode.OK
+    assert link.status.error_code == ErrorCode.OK
 
 
 def test_a_full_disk_of_the_robot_keeps_messages_in_memory(link: Link) -> None:
@@ -291,6 +215,145 @@ def test_pieces_and_receipts_that_make_no_sense_change_nothing(link: Link) -> No
     link.run(5.0, link.say)
     link.run(5.0)
     link.assert_all_once()
+
+
+@pytest.mark.requirement("CM_MR_01")
+@pytest.mark.parametrize(("row", "offset"), [(10**9, 0), (2**63, 0), (2**80, 0), (-(2**80), 0), (3, 10**9), (3, -1)])
+def test_a_receipt_beyond_what_was_sent_is_refused_and_told(
+    link: Link, caplog: pytest.LogCaptureFixture, row: int, offset: int
+) -> None:
+    link.run(2.0, link.say)
+    link.connected = False
+    link.run(5.0, link.say)
+    rows = link.outbox._sender.rows
+    assert rows is not None
+    receipt = OutboxReceipt(0.0, link.outbox._sender.outbox_id, rows.number if row == 3 else row, offset)
+    link.far[0].publish(RECEIPT, replace(receipt, total_bytes=len(rows.data), recorder_id=1))
+    link.run(2.0, link.say)
+    assert ("receipt refused" in caplog.text) == (row > 0)
+    link.connected = True
+    link.run(10.0)
+    link.assert_all_once()
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_a_robot_whose_disk_fell_back_in_time_loses_nothing_of_what_is_said_afterwards(link: Link) -> None:
+    link.run(2.0, link.say)
+    before = {file: file.read_bytes() for file in link.folder.glob("outbox.sqlite*")}
+    link.run(5.0, link.say)
+    link.run(1.0)
+    link.outbox._store.close()
+    for file, data in before.items():
+        file.write_bytes(data)
+    link.start_outbox()
+    link.run(0.05)
+    link.run(5.0, link.say)
+    link.run(2.0)
+    link.assert_all_once()
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_a_second_recorder_is_told_so_and_takes_over_once_the_first_is_silent(link: Link) -> None:
+    link.run(1.0, link.say)
+    second_bus = link.laptop.endpoint("second")
+    second = Recorder(link.folder / "second")
+    second._inbox.recorder_id = 2
+
+    def both() -> None:
+        link.say()
+        second.step(second_bus, link.laptop.now_s)
+
+    # The first one's disk takes nothing: what the second acknowledged meanwhile would be lost to the first
+    assert link.recorder._run is not None
+    database = link.recorder._run.database.connection
+    (pages,) = database.execute("PRAGMA page_count").fetchone()
+    database.execute(f"PRAGMA max_page_count = {pages}")
+    link.run(20.0, both)
+    assert {ErrorCode.DISK_FULL, ErrorCode.SECOND_RECORDER} <= link.errors()
+    database.execute("PRAGMA max_page_count = 1000000")
+    link.run(10.0, both)
+    link.run(2.0, lambda: second.step(second_bus, link.laptop.now_s))
+    link.assert_all_once()
+    assert poses_in(link.folder / "second") == []
+    first_has = link.said
+    link.recorder.close()
+    link.recorder, link.bus = second, second_bus
+    link.run(OWNER_SILENCE_S + 5.0, link.say)
+    link.run(5.0)
+    assert poses_in(link.folder / "second") == [float(k) for k in range(first_has + 1, link.said + 1)]
+    link.errors()
+    link.run(1.0)
+    assert link.errors() == {ErrorCode.OK}
+
+
+def test_known_senders_are_bounded_and_written_only_when_they_have_spoken(link: Link) -> None:
+    for life in range(3 * KNOWN_BOOTS):
+        link.module = link.robot.endpoint(f"mmu {life}")
+        link.say()
+        link.run(0.3)
+    link.outbox.close()
+    link.start_outbox()
+    assert len(link.outbox._heard) == KNOWN_BOOTS
+    database = link.outbox._store._database
+    assert database is not None
+    link.run(1.0)
+    before = database.total_changes
+    link.run(2.0, link.say)
+    link.run(1.0)
+    turns = round(2.0 / ROW_PERIOD_S) + 2
+    assert database.total_changes - before <= 3 * turns  # a row, its removal, and who spoke
+    link.run(2.0)
+    assert link.stored() == [float(k) for k in range(1, link.said + 1)]
+
+
+def test_an_outbox_without_a_disk_is_bounded_thins_out_and_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (outbox, outbox_store):
+        monkeypatch.setattr(module, "RAM_BYTES", 400_000)
+    monkeypatch.setattr(outbox, "WAITING_BYTES_MAX", 100_000)
+    monkeypatch.setattr(outbox, "SAVE_BYTES_MAX", 50_000)
+    (tmp_path / "file").write_text("")
+    link = Link(tmp_path, outbox_file=tmp_path / "file" / "outbox.sqlite")
+    link.connected = False
+
+    def talk() -> None:
+        link.say()
+        link.module.publish(LOG["mmu"], LogLine(0.0, "INFO", "x" * 500))
+
+    link.run(120.0, talk)
+    assert link.outbox.thinning
+    assert link.outbox.stored_bytes < 400_000
+    assert link.outbox._waiting_bytes < 110_000
+    link.connected = True
+    link.run(60.0)
+    link.assert_all_once()
+    with link.reader() as run:
+        assert set(run.dropped()) == {(LOG["mmu"].key, link.module._boot_id)}
+        ((_, dropped),) = run.dropped().items()
+        assert dropped + run.counts()[LOG["mmu"].key] == link.said
+
+
+def test_a_full_disk_of_the_robot_fills_its_memory_only_so_far(link: Link, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outbox, "WAITING_BYTES_MAX", 20_000)
+    database = link.outbox._store._database
+    assert database is not None
+    (pages,) = database.execute("PRAGMA page_count").fetchone()
+    database.execute(f"PRAGMA max_page_count = {pages}")
+    link.connected = False
+    link.run(60.0, link.say)
+    assert 20_000 < sum(len(frame.data) for frame in link.outbox._waiting) < 21_000
+
+
+def test_an_outbox_that_is_damaged_while_it_is_open_is_put_aside_and_another_begins(link: Link) -> None:
+    link.run(2.0, link.say)
+    damage(link.outbox._store._database, link.folder / "outbox.sqlite")
+    link.run(10.0, link.say)
+    link.run(2.0)
+    assert (link.folder / "outbox.aside-1.sqlite").exists()
+    stored = link.stored()
+    assert set(range(1, link.said + 1)) - set(map(int, stored)) <= set(range(35, 46))
+    assert link.outbox.stored_bytes == 0
 
 
 def test_an_outbox_file_that_is_none_is_put_aside(tmp_path: Path) -> None:
