@@ -93,13 +93,17 @@ class Recording:
             self.mesh.start(name, str(TALKER), name, extra=self._extra)
 
     def kill(self, name: str, down_s: float = 0.5) -> None:
+        self.end(name)
+        time.sleep(down_s)  # what a restart takes: meanwhile the others talk
+        self.start(name)
+
+    def end(self, name: str) -> None:
+        """As by a power cut."""
         process = self.mesh.processes[name]
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
         if process.stderr is not None:
             process.stderr.close()
-        time.sleep(down_s)  # what a restart takes: meanwhile the others talk
-        self.start(name)
 
     def stored(self) -> int:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -20,7 +21,7 @@ from common.clock import FreeClock
 from common.config import load_config
 from common.errors import ErrorCode
 from common.frames import MESSAGE_BYTES_MAX
-from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED, STATUS, TOPICS
+from common.messages import LAPTOP_RECORDED, POSE, ROBOT_RECORDED, STATUS, TOPICS
 from common.zenoh_bus import ZenohBus
 from deploy.bench.relay import Relay
 from offboard.recorder.run_database import RunReader
@@ -36,6 +37,12 @@ EVERY_TOPIC = [topic.key for topic in TOPICS]
 @pytest.fixture
 def recording(mesh: Mesh) -> Recording:
     return Recording(mesh)
+
+
+def error_of_recorder(mesh: Mesh) -> int | None:
+    """As it reports itself; None before it is heard."""
+    status = mesh.bus.latest(STATUS["recorder"])
+    return status.error_code if status is not None else None
 
 
 @pytest.mark.requirement("CM_MR_01")
@@ -70,6 +77,38 @@ def test_what_was_said_while_the_recorder_was_away_arrives_from_the_robots_disk(
     recording.start("recorder")
     until(lambda: recording.missing(said) == {}, 20.0, "the rest in the database")
     recording.assert_once_and_in_order(said)
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_a_robot_whose_disk_falls_back_in_time_leaves_no_hole_and_no_double(recording: Recording) -> None:
+    disk = {file: file.read_bytes() for file in recording.mesh.folder.glob("outbox.sqlite*")}
+    until(recording.more(150), 20.0, "messages that the disk will have forgotten")
+    recording.end("comm")
+    for file, data in disk.items():
+        file.write_bytes(data)
+    recording.start("comm")
+    until(recording.more(50), 20.0, "messages in the database again")
+    recording.assert_once_and_in_order(recording.silence())
+
+
+@pytest.mark.requirement("CM_MR_01")
+def test_what_is_said_after_the_run_folder_was_deleted_is_in_a_new_one(recording: Recording) -> None:
+    shutil.rmtree(recording.run_dir)
+    until(lambda: recording.stored() > 100, 20.0, "messages in another database")
+    until(lambda: error_of_recorder(recording.mesh) == ErrorCode.DATABASE_LOST, 5.0, "the report of the loss")
+    for name in ("mmu", "poi"):
+        recording.mesh.processes[name].send_signal(signal.SIGTERM)
+        assert recording.mesh.processes[name].wait(10.0) == 0
+    until_the_end = {POSE.key, STATUS["mmu"].key, STATUS["poi"].key}
+    said = {source: newest for source, newest in recording.said().items() if source[0] in until_the_end}
+
+    def newest() -> Said:
+        with RunReader(recording.run_dir) as run:
+            return {source: run.senders().get(source, (0, 0))[0] for source in said}
+
+    until(lambda: newest() == said, 20.0, "the rest in the database")
+    with RunReader(recording.run_dir) as run:
+        assert run.dropped() == {}
 
 
 class Witness:
@@ -243,18 +282,12 @@ def test_a_full_disk_under_the_recorder_costs_nothing_once_there_is_space(mesh: 
     with suppress(OSError), ballast.open("wb") as file:
         while True:
             file.write(bytes(4096))
-    mesh.bus.latest(STATUS["recorder"])
-
-    def error() -> int:
-        status = mesh.bus.latest(STATUS["recorder"])
-        return status.error_code if status is not None else ErrorCode.OK
-
-    until(lambda: error() == ErrorCode.DISK_FULL, 20.0, "the report of the full disk")
+    until(lambda: error_of_recorder(mesh) == ErrorCode.DISK_FULL, 20.0, "the report of the full disk")
     stored = recording.stored()
     time.sleep(2.0)
     assert recording.stored() == stored
     assert mesh.processes["recorder"].poll() is None
     subprocess.run(["mount", "-o", "remount,size=100m", small_disk], check=True)
     ballast.unlink()
-    until(lambda: error() == ErrorCode.OK, 20.0, "the report that there is space")
+    until(lambda: error_of_recorder(mesh) == ErrorCode.OK, 20.0, "the report that there is space")
     recording.assert_once_and_in_order(recording.silence())

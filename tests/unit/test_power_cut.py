@@ -6,7 +6,9 @@ import random
 import shutil
 import sqlite3
 from collections.abc import Iterable, Mapping
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import pytest
@@ -106,10 +108,19 @@ class World:
         self.mmu = self.mesh.endpoint(f"mmu {self._lives}")
         self.comm = TappedBus(self.mesh, self.senders)
         self.outbox = Outbox(self.robot_dir / "outbox.sqlite", 10_000_000, new_id=100 + self._lives)
+        self.never_sync(self.outbox._store._database)
 
     def start_laptop(self) -> None:
         self.laptop = self.far_mesh.endpoint("recorder")
         self.recorder = Recorder(self.run_dir)
+        self.recorder.step(self.laptop, self.far_mesh.now_s)
+        self.never_sync(self.recorder._run.database.connection)  # type: ignore[union-attr]
+
+    @staticmethod
+    def never_sync(database: sqlite3.Connection | None) -> None:
+        """The worst disk: a checkpoint waits for the medium, so that from then on no cut could take what is before."""
+        assert database is not None
+        database.execute("PRAGMA wal_autocheckpoint = 0")
 
     def run(self, steps: int, *, talk: bool = True) -> None:
         for _ in range(steps):
@@ -140,6 +151,7 @@ class World:
     def cut(self, *, robot: bool, laptop: bool, laptop_lies: bool = False) -> None:
         """Whatever runs there ends without a word; its disk is as it was, or as the medium had taken it."""
         self._lives += 1
+        stored = in_database(self.run_dir)
         folder = self._folder / str(self._lives)
         folder.mkdir()
         if robot:
@@ -156,7 +168,9 @@ class World:
             self.run_dir = folder
         # What any disk holds now, or somebody who lives on remembers, must not get lost any more
         in_memory = {(frame.key, frame.boot_id, frame.sequence) for frame in self.outbox._waiting}
-        kept = in_outbox(self.robot_dir) | in_database(self.run_dir) | (self.senders.kept() if robot else in_memory)
+        kept = in_outbox(self.robot_dir) | (self.senders.kept() if robot else in_memory)
+        # But what a laptop had acknowledged, nobody else need have
+        kept = (kept - stored) | in_database(self.run_dir)
         self.gone |= self.senders.said - kept
         if robot:
             self.start_robot()
@@ -172,14 +186,19 @@ class World:
 
 
 def in_outbox(folder: Path) -> set[Message]:
-    with sqlite3.connect(folder / "outbox.sqlite") as database:
-        rows = [msgpack.unpackb(data)[0] for (data,) in database.execute("SELECT data FROM rows")]
+    rows = [msgpack.unpackb(data)[0] for (data,) in everything(folder / "outbox.sqlite", "data", "rows")]
     return {(key, boot_id, sequence) for row in rows for key, boot_id, sequence, _ in row}
 
 
 def in_database(folder: Path) -> set[Message]:
-    with sqlite3.connect(folder / "run.sqlite") as database:
-        return set(database.execute("SELECT topic, boot_id, sequence FROM messages"))
+    return set(everything(folder / "run.sqlite", "topic, boot_id, sequence", "messages"))
+
+
+def everything(file: Path, columns: str, table: str) -> list[tuple[Any, ...]]:
+    """Nothing of a file whose medium had not even taken its tables."""
+    with closing(sqlite3.connect(file)) as database:
+        there = database.execute("SELECT count(*) FROM sqlite_master WHERE name = ?", (table,)).fetchone() == (1,)
+        return database.execute(f"SELECT {columns} FROM {table}").fetchall() if there else []
 
 
 @pytest.fixture
