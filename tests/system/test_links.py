@@ -41,7 +41,7 @@ def radio() -> Iterator[Radio]:
 @pytest.fixture
 def mesh(tmp_path: Path, radio: Radio) -> Iterator[Mesh]:
     made = Mesh(tmp_path, radio.here)
-    made.config = replace(made.config, comm=CommSection(required=("mmu", "poi")))
+    made.config = replace(made.config, comm=CommSection(required=("bridge", "mmu", "poi")))
     made.config_file.write_text(config_text(made.config), encoding="utf-8")
     yield made
     made.close()
@@ -49,6 +49,8 @@ def mesh(tmp_path: Path, radio: Radio) -> Iterator[Mesh]:
 
 def watched(mesh: Mesh, span_s: float) -> None:
     """So long; meanwhile the robot, which may drive, goes on."""
+    if "bridge" not in mesh.processes:  # without whose word on stops comm grants nothing
+        mesh.start("bridge")
     until(lambda: mesh.granted, what="the permit")
     begin, end_s = len(mesh.permits), time.monotonic() + span_s
     until(lambda: time.monotonic() > end_s, 2 * span_s)
