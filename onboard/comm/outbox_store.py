@@ -133,7 +133,8 @@ class OutboxStore:
             # What was said last and is on no disk nobody can count: at least it is said that there may be such
             if database.execute("PRAGMA user_version").fetchone() == (_OPEN,):
                 _log.warning("outbox was not closed: after a power cut, what the disk had not taken is missing")
-            database.execute(f"PRAGMA user_version = {_OPEN}")
+            with suppress(sqlite3.OperationalError):  # a full disk can still be read
+                database.execute(f"PRAGMA user_version = {_OPEN}")
             known = database.execute("SELECT topic, boot_id, sequence FROM heard ORDER BY rowid")
             self.heard: Known = {(key, boot_id): sequence for key, boot_id, sequence in known}
             (stored_bytes,) = database.execute("SELECT total(length(data)) FROM rows").fetchone()
@@ -164,8 +165,9 @@ class OutboxStore:
                 raise
             refused = error
             # Where there is no space, what leaves makes some
-            with suppress(sqlite3.OperationalError), transaction(database):
-                removed_bytes = self._remove(database, acknowledged)
+            with suppress(sqlite3.OperationalError):
+                with transaction(database):
+                    removed_bytes = self._remove(database, acknowledged)
                 self._stored_bytes -= removed_bytes
         return Turn(self.outbox_id, self._stored_bytes, self._first(database, acknowledged) if load else None, refused)
 
