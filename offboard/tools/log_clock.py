@@ -28,7 +28,9 @@ UNITS = {
     1e3: "thousands of seconds",
 }
 GAP_MAX_S = 3600.0
+STAMP_MAX_S = 1e11  # what is later no clock of seconds tells finely enough
 WILD_MAX = 5  # frames
+ELSEWHERE = "a stamp that lies elsewhere was put between its neighbours"
 STOOD_SHARE = 0.3  # of the log's period: frames that share less time than this were not that close
 
 
@@ -43,11 +45,23 @@ def steady(stamps: FloatArray, steps_m: FloatArray, lines: Lines, notes: list[st
     gaps_s = np.diff(values) / counts[:-1]
     gaps_s = gaps_s[(gaps_s > 0) & (gaps_s <= GAP_MAX_S)]
     period_s = float(np.median(gaps_s)) if len(gaps_s) else PERIOD_S
-    kept, times_s = _walk(values, counts, period_s, lines[firsts], notes)
-    shares = np.diff(firsts[kept], append=len(stamps))
+    first = _first(values, counts)
+    note(notes, lines[: firsts[first]].tolist(), ELSEWHERE)
+    kept, times_s = _walk(values[first:], counts[first:], period_s, lines[firsts[first:]], notes)
+    starts = firsts[first:][kept]
+    shares = np.diff(starts, append=len(stamps))
     ends_s = np.append(times_s[1:], times_s[-1] + shares[-1] * period_s)
-    place = np.arange(len(stamps)) - np.repeat(firsts[kept], shares)
-    return np.repeat(times_s, shares) + place * np.repeat((ends_s - times_s) / shares, shares)
+    place = np.arange(starts[0], len(stamps)) - np.repeat(starts, shares)
+    rest_s = np.repeat(times_s, shares) + place * np.repeat((ends_s - times_s) / shares, shares)
+    return np.concatenate([rest_s[0] - period_s * np.arange(starts[0], 0, -1), rest_s])
+
+
+def _first(values: FloatArray, counts: Lines) -> int:
+    """The first stamp that the clock goes on from; the very first where it soon goes on from none."""
+    for k in range(min(WILD_MAX, len(values) - 1)):
+        if _goes_on(values, k, k + 1) or _back(values, counts, k, k + 1):
+            return k
+    return 0
 
 
 def _unit_s(values: FloatArray, counts: Lines, steps_m: FloatArray) -> float:
@@ -63,38 +77,44 @@ def _walk(
     values: FloatArray, counts: Lines, period_s: float, lines: Lines, notes: list[str]
 ) -> tuple[Lines, FloatArray]:
     """Which of the stamps (G,), each of `counts` frames, are believed, and the times of their first frames."""
-    kept, times_s, offset_s = [0], [float(values[0])], 0.0
+    stamps = values.tolist()
+    kept, runs = [0], abs(stamps[0]) <= STAMP_MAX_S
+    times_s = [stamps[0] if runs else 0.0]
     wild, anew, stood = [], [], []
     at = 1
-    while at < len(values):
+    while at < len(stamps):
         last = kept[-1]
-        step_s = values[at] - values[last]
+        step_s = stamps[at] - stamps[last]
         due_s = float(counts[last:at].sum()) * period_s
-        if not 0 < step_s <= GAP_MAX_S:
+        if not _goes_on(values, last, at):
             back = _back(values, counts, last, at)
             if back:
                 wild += lines[at:back].tolist()
                 at = back
                 continue
             anew.append(int(lines[at]))
-            offset_s += due_s - step_s
+            step_s, runs = due_s, False
         elif counts[last] > 1 and step_s < STOOD_SHARE * due_s:
             stood.append(int(lines[last]))
-            offset_s += due_s - step_s
+            step_s, runs = due_s, False
         kept.append(at)
-        times_s.append(float(values[at] + offset_s))
+        times_s.append(stamps[at] if runs else times_s[-1] + step_s)
         at += 1
     if counts[-1] > max(WILD_MAX, int(counts[:-1].max(initial=1))):
         stood.append(int(lines[-1]))
-    note(notes, wild, "a stamp that lies elsewhere was put between its neighbours")
+    note(notes, wild, ELSEWHERE)
     note(notes, anew, "the clock was set anew; times go on from the frame before")
     note(notes, stood, f"the clock stands still; frames follow each other every {period_s:.3g} s from there on")
     return np.array(kept), np.array(times_s)
 
 
+def _goes_on(values: FloatArray, last: int, at: int) -> bool:
+    return bool(0 < values[at] - values[last] <= GAP_MAX_S)
+
+
 def _back(values: FloatArray, counts: Lines, last: int, at: int) -> int:
     """Where soon after `at` the clock goes on from the `last` stamp that is believed; 0 where it does not."""
     for k in range(at + 1, min(at + 1 + WILD_MAX, len(values))):
-        if 0 < values[k] - values[last] <= GAP_MAX_S:
+        if _goes_on(values, last, k):
             return k if counts[at:k].sum() <= WILD_MAX else 0
     return 0

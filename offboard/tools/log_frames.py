@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from common.errors import StartError
 from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
 
+NUMBER_MAX = 1e30  # of any unit of time or length: what is more is none
 SHOWN = 30  # characters of a value that a sentence quotes
 CENTRE = Pose2(0.0, 0.0, 0.0)
 
@@ -45,7 +45,7 @@ class LogText:
     def number(self, number: int, text: str) -> float:
         """A finite number in a line; raises RangeLogError."""
         value = self.any_number(number, text)
-        if not isfinite(value):
+        if not abs(value) <= NUMBER_MAX:
             raise self.error(number, f"'{shown(text)}' where a finite number must stand; mend the line or delete it")
         return value
 

@@ -66,6 +66,7 @@ CLOCKS: dict[str, tuple[Callable[[int, float], float], str]] = {
     "seconds since 1970": (lambda _, t_s: 1.2e9 + t_s, ""),
     "a stamp that is 2^32 too late": (lambda i, t_s: t_s + (2**32 if i == 1 else 0), "line 5: a stamp that lies else"),
     "a stamp of zero now and then": (lambda i, t_s: 0 if i in (50, 80) else 9e8 + t_s, "line 54 and 1 more: a stamp"),
+    "a first stamp of zero": (lambda i, t_s: 9e8 + t_s if i else 0.0, "line 4: a stamp"),
     "a board that restarts": (lambda i, t_s: t_s - (50 * PERIOD_S if i >= 50 else 0), "line 54: the clock was set"),
     "a counter that wraps": (lambda i, t_s: (t_s + 4285.0) % 4294.967296, "the clock was set anew"),
     "a clock that is put forward": (lambda i, t_s: t_s + (1e6 if i >= 50 else 0), "line 54: the clock was set"),
@@ -150,7 +151,7 @@ def test_a_piece_that_was_never_recognised_is_named(tmp_path: Path, capsys: pyte
     ("name", "told"),
     [
         ("20 km", lambda pose: Pose2(20_000.0, pose.y_m, pose.heading_rad)),
-        ("1e300 m", lambda pose: Pose2(1e300, -1e300, pose.heading_rad)),
+        ("1e20 m", lambda pose: Pose2(1e20, -1e20, pose.heading_rad)),
         ("zero", lambda pose: Pose2(0.0, 0.0, 0.0)),
         ("half a turn", lambda pose: Pose2(pose.x_m, pose.y_m, pose.heading_rad + pi)),
     ],

@@ -80,7 +80,8 @@ def _numbers(data: bytes, rng: random.Random) -> bytes:
         if rng.random() > share:
             return match.group()
         value = float(match.group())
-        return f"{rng.choice((-value, value * 10.0 ** rng.randint(-6, 9), value + rng.gauss(0.0, 5.0), 1e308)):.9g}".encode()
+        others = -value, value * 10.0 ** rng.randint(-6, 9), value + rng.gauss(0.0, 5.0), rng.choice((1e29, 1e308))
+        return f"{rng.choice(others):.9g}".encode()
 
     share = rng.choice((0.002, 0.02, 0.2))
     return re.sub(rb"-?\d+\.\d+", wild, data)
