@@ -14,7 +14,7 @@ from math import degrees, inf, nan, pi, radians
 import numpy as np
 
 from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
-from offboard.tools.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest
+from offboard.tools.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest, shown
 
 RANGE_MAX_M = 50.0  # of any laser indoors: lasers write 80 m and more for nothing heard
 KINDS = ("FLASER", "ROBOTLASER1", "ROBOTLASER2")
@@ -203,11 +203,12 @@ class _Reader:
 
     def _count(self, number: int, words: list[str], at: int) -> int:
         """How many ranges follow."""
+        told, left = shown(words[at]) if at < len(words) else "no", len(words) - at - 1
         count = self.text.number(number, words[at]) if at < len(words) else 0.0
         if not count.is_integer() or count < 1:
-            raise self.text.error(number, f"{count:g} readings; delete lines that hold none")
-        if count > len(words) - at - 1:
-            raise self.text.error(number, f"{count:g} readings are named, {len(words) - at - 1} values follow")
+            raise self.text.error(number, f"{told} readings; delete lines that hold none")
+        if count > left:
+            raise self.text.error(number, f"{told} readings are named, {left} values follow")
         return int(count)
 
     def _field_of_view_rad(self, intervals: int) -> float:
