@@ -23,7 +23,7 @@ from offboard.tools.log_odometry import Mask, Trust, in_radians
 
 __all__ = ["RangeLog", "RangeLogError", "read_range_log"]
 
-SIZE_MAX_BYTES = 1 << 30
+SIZE_MAX_BYTES = 1 << 28
 RANGE_USUAL_MAX_M = 30.0  # half of all ranges indoors are shorter
 STEP_USUAL_MAX_M = 2.0
 BEGUN_MAX_SHARE = 0.05
@@ -157,9 +157,8 @@ def _silence(ranges_m: FloatArray, notes: list[str]) -> None:
         often = int(np.unique(below, return_counts=True)[1].max(initial=0))
         heard = int(np.isfinite(ranges_m).sum())
         beams = int((longest.sum(axis=0) >= SILENT_MIN / SILENT_TIMES).sum())
-        if longest.sum() < max(SILENT_MIN, SILENT_SHARE * heard, SILENT_TIMES * often) or beams < min(
-            2, ranges_m.shape[1]
-        ):
+        recurs = longest.sum() >= max(SILENT_MIN, SILENT_SHARE * heard, SILENT_TIMES * often)
+        if not recurs or beams < min(2, ranges_m.shape[1]):
             return
         notes.append(f"ranges of {longest_m:g} m, {int(longest.sum())} of {heard}, were taken for no echo")
         ranges_m[longest] = np.nan

@@ -37,7 +37,7 @@ WORDS = (
     *("9" * 400, "1_000", "0x10", "١٢", "4294967295", "-2147483648", "\0", "#", "FLASER", "PARAM", '"', ";", "\x1b[2J"),
 )
 FRAMES = 30
-SECONDS_MAX = 5.0  # for one log, on a busy machine
+SECONDS_MAX = 2.0  # of processor time, for one log
 GROWTH_MAX_MB = 200
 SWEEP = (13, -90.0, 15.0)
 
@@ -131,7 +131,7 @@ def test_a_damaged_log_is_mapped_or_refused(tmp_path: Path, count: int) -> None:
     for seed in range(-1, count):
         data = damaged(random.Random(seed), logs) if seed >= 0 else logs[0]
         file.write_bytes(data)
-        began_s = time.monotonic()
+        began_s = time.process_time()
         before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -140,7 +140,7 @@ def test_a_damaged_log_is_mapped_or_refused(tmp_path: Path, count: int) -> None:
             except Exception as error:
                 error.add_note(f"seed {seed}")
                 raise
-        assert time.monotonic() - began_s < SECONDS_MAX, f"seed {seed}"
+        assert time.process_time() - began_s < SECONDS_MAX, f"seed {seed}"
         grown_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb
         assert grown_kb < 1024 * GROWTH_MAX_MB, f"seed {seed}"
     assert 0.1 < sum(results) / len(results) < 0.9
