@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from common.errors import StartError
+
+if TYPE_CHECKING:  # loaded when it is needed, because it loads the mapping unit
+    from offboard.tools.range_log import RangeLog
+    from offboard.tools.replay import Replayed
 
 BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narrower, a small sonar's wider
 
@@ -28,25 +33,61 @@ def add_verbs(verbs: Any) -> None:
         metavar="DEG",
         help=f"0 for a pencil of light, 38 for a wide sonar ({BEAM_HALF_WIDTH_DEG:g})",
     )
+    replay.add_argument("--max-range", type=float, metavar="M", help="ranges from here on are no echo")
+    replay.add_argument(
+        "--field-of-view", type=float, metavar="DEG", help="of a CARMEN log's FLASER, where the log does not tell (180)"
+    )
     replay.set_defaults(run=_replay)
 
 
 def _angles(text: str) -> tuple[float, ...]:
     try:
-        return tuple(float(v) for v in text.split(","))
+        angles = tuple(float(v) for v in text.split(","))
     except ValueError as error:
         raise argparse.ArgumentTypeError("must be angles in degrees with commas between") from error
+    if not all(map(isfinite, angles)):
+        raise argparse.ArgumentTypeError("must be finite angles")
+    return angles
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    if not 0.0 <= arguments.beam_half_width <= 60.0:
+        raise StartError(f"--beam-half-width must be between 0 and 60 degrees, not {arguments.beam_half_width:g}.")
+    if arguments.max_range is not None and not arguments.max_range > 0.0:
+        raise StartError(f"--max-range must be above 0 metres, not {arguments.max_range:g}.")
+    if arguments.field_of_view is not None and not 0.0 < arguments.field_of_view <= 360.0:
+        raise StartError(f"--field-of-view must be above 0 and up to 360 degrees, not {arguments.field_of_view:g}.")
 
 
 def _replay(arguments: argparse.Namespace) -> int:
     from offboard.tools.range_log import read_range_log  # here, because it loads the mapping unit
     from offboard.tools.replay import replay, write_replay
 
-    if not 0.0 <= arguments.beam_half_width <= 60.0:
-        raise StartError(f"--beam-half-width must be between 0 and 60 degrees, not {arguments.beam_half_width:g}.")
-    log = read_range_log(arguments.log, arguments.beams)
+    _check(arguments)
+    log = read_range_log(arguments.log, arguments.beams, arguments.max_range, arguments.field_of_view)
+    for note in log.notes:
+        _say(note)
     run = replay(log, arguments.beam_half_width)
     write_replay(arguments.out, run)
+    for frame in run.loose:
+        _say(
+            f"{arguments.log}, line {log.lines[frame]}: nothing seen from here on was recognised in the map from "
+            "before; how the two lie to each other is a guess."
+        )
+    if not len(run.points):
+        _say(
+            f"{arguments.log}: no wall was found. Frames are {log.step_m:.2f} m apart; a wall shows where four of them "
+            "see it within 2 m of way, so record a frame every 0.2 m."
+        )
+    _report(log, run, arguments.out)
+    return 0
+
+
+def _say(sentence: str) -> None:
+    sys.stderr.write(f"indoor-mapping: {sentence}\n")
+
+
+def _report(log: RangeLog, run: Replayed, folder: Path) -> None:
     step_ms = run.step_s * 1e3
     travel_m = float(np.hypot(*np.diff(log.poses[:, :2], axis=0).T).sum())
     sys.stdout.write(
@@ -55,6 +96,5 @@ def _replay(arguments: argparse.Namespace) -> int:
         f"processor time of a step: mean {step_ms.mean():.3f} ms, p99.9 {np.percentile(step_ms, 99.9):.2f} ms, "
         f"max {step_ms.max():.2f} ms; "
         f"beside it mean {run.work_s.mean() * 1e3:.2f} ms, max {run.work_s.max() * 1e3:.0f} ms\n"
-        f"folder {arguments.out}\n"
+        f"folder {folder}\n"
     )
-    return 0

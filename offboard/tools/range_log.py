@@ -1,40 +1,53 @@
-"""Range logs of any carrier: the shared CSV format and CARMEN logs -> `RangeLog`.
+"""Range logs of any carrier, of either dialect (`csv_log`, `carmen_log`) -> `RangeLog`.
 
-CSV: comment lines `# bearings_deg: ...` and `# max_range_m: ...`, a header `t_s,odom_x_m,odom_y_m,odom_heading_rad,
-range0_m,...`, then one line per frame, an empty cell where there was no echo. CARMEN: `FLASER` and `ROBOTLASER1` lines
-with the odometry they carry; of their laser only the beams asked for are kept.
+What the log tells of itself is taken at its word; then its clock, its odometry and its ranges must be such that a robot
+indoors may have made them. What is not is mended and said (`notes`), or refused. docs/range-logs.md has the list.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import codecs
+import gzip
+import zlib
 from dataclasses import dataclass
-from math import degrees, inf, isfinite, nan, radians
 from pathlib import Path
 
 import numpy as np
 
-from common.errors import StartError
 from common.geometry import FloatArray
+from offboard.tools.carmen_log import line_kinds, read_carmen
+from offboard.tools.csv_log import read_csv
+from offboard.tools.log_clock import MOVED_M, steady
+from offboard.tools.log_frames import Frames, Lines, LogText, RangeLogError, ReadOptions
+from offboard.tools.log_odometry import Mask, Trust, in_radians
 
-_POSE_COLUMNS = ("t_s", "odom_x_m", "odom_y_m", "odom_heading_rad")
-_DEFAULT_BEAMS_DEG = (90.0, 45.0, 0.0, -45.0, -90.0)
-_CARMEN_RANGE_MAX_M = 50.0
-_BEAM_OFF_MAX_RAD = radians(2.0)
+__all__ = ["RangeLog", "RangeLogError", "read_range_log"]
 
-
-class RangeLogError(StartError):
-    """The log cannot be used: one sentence with file, line and what is wrong."""
+SIZE_MAX_BYTES = 1 << 28
+RANGE_USUAL_MAX_M = 30.0  # half of all ranges indoors are shorter
+STEP_USUAL_MAX_M = 2.0
+BEGUN_MAX_SHARE = 0.05
+SILENT_MIN, SILENT_SHARE = 20, 0.01  # how often the longest range of a log recurs that is no echo at all
+SILENT_TIMES = 5  # so many times as often as any that is a little shorter
+SILENT_BELOW_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class RangeLog:
-    """`times_s` (N,), odometry `poses` (N, 3), `ranges_m` (N, beams) with NaN for no echo, `bearings_rad` (beams,)."""
+    """`times_s` (N,), odometry `poses` (N, 3), `ranges_m` (N, beams) with NaN for no echo, `bearings_rad` (beams,).
+
+    The beams start at `centre_m` (2,) on the robot; `lines` (N,) are the frames' numbers in the file. `goes_on` (N,) is
+    false where it is not known how a pose lies to the one before. `notes`: what was found and mended, a sentence each.
+    """
 
     times_s: FloatArray
     poses: FloatArray
     ranges_m: FloatArray
     bearings_rad: tuple[float, ...]
+    lines: Lines
+    goes_on: Mask
+    centre_m: FloatArray
+    notes: tuple[str, ...]
 
     @property
     def range_step_m(self) -> float:
@@ -43,133 +56,120 @@ class RangeLog:
         gaps = np.diff(heard)
         return float(gaps.min()) if len(gaps) and gaps.min() >= 0.005 else 0.0
 
+    @property
+    def step_m(self) -> float:
+        """From frame to frame of a robot that drives."""
+        return _usual_step_m(self.poses)
 
-def read_range_log(path: Path, beams_deg: tuple[float, ...] | None = None) -> RangeLog:
-    """The log in a file; `beams_deg` picks beams (of a CSV: among its own). Raises RangeLogError."""
+
+def read_range_log(
+    path: Path,
+    beams_deg: tuple[float, ...] | None = None,
+    max_range_m: float | None = None,
+    field_of_view_deg: float | None = None,
+) -> RangeLog:
+    """The log in a file; what is given counts more than what the log says. Raises RangeLogError.
+
+    `beams_deg` picks beams; ranges from `max_range_m` on are no echo; `field_of_view_deg` is that of FLASER lines.
+    """
+    text = _read(path)
+    options = ReadOptions(beams_deg, max_range_m, field_of_view_deg)
+    kinds = line_kinds(text.lines)
+    frames = read_carmen(text, kinds, options) if kinds else read_csv(text, options)
+    if len(frames.lines) < 2:
+        raise RangeLogError(f"{path} holds too few frames, {len(frames.lines)}; a map needs two at least.")
+    if options.max_range_m is not None:
+        frames.ranges_m[frames.ranges_m >= options.max_range_m] = np.nan
+    return _judged(text, frames)
+
+
+def _read(path: Path) -> LogText:
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        with path.open("rb") as file:
+            packed = file.peek(2)[:2] == b"\x1f\x8b"
+            with gzip.open(file) if packed else file as plain:
+                data = plain.read(SIZE_MAX_BYTES + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
         raise RangeLogError(f"The log {path} cannot be read: {reason}.") from error
-    carmen = any(line.startswith(("FLASER ", "ROBOTLASER1 ")) for line in lines[:2000])
-    log = _carmen(path, lines, beams_deg or _DEFAULT_BEAMS_DEG) if carmen else _csv(path, lines, beams_deg)
-    if len(log.times_s) < 2:
-        raise RangeLogError(f"{path} holds no frames.")
-    return log
+    if len(data) > SIZE_MAX_BYTES:
+        raise RangeLogError(f"The log {path} is longer than {SIZE_MAX_BYTES >> 20} MiB; cut it into pieces.")
+    text = _decoded(data)
+    if "\0" in text:
+        raise RangeLogError(f"The log {path} cannot be read: it is no text.")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    cut = bool(lines[-1])
+    return LogText(str(path), lines if cut else lines[:-1], cut)
 
 
-def _csv(path: Path, lines: list[str], beams_deg: tuple[float, ...] | None) -> RangeLog:
-    comments = {}
-    at = 0
-    while at < len(lines) and lines[at].startswith("#"):
-        key, _, value = lines[at][1:].partition(":")
-        comments[key.strip()] = (at + 1, value)
-        at += 1
-    if "bearings_deg" not in comments:
-        raise RangeLogError(f"{path}: no comment line '# bearings_deg: ...' before the header.")
-    bearings = _comment(path, *comments["bearings_deg"])
-    limits = _comment(path, *comments["max_range_m"]) if "max_range_m" in comments else (inf,) * len(bearings)
-    if len(limits) != len(bearings):
-        line = comments["max_range_m"][0]
-        raise RangeLogError(
-            f"{path}, line {line}: max_range_m names {len(limits)} beams, bearings_deg {len(bearings)}."
-        )
-    expected = [*_POSE_COLUMNS, *(f"range{i}_m" for i in range(len(bearings)))]
-    header = [name.strip() for name in lines[at].split(",")] if at < len(lines) else []
-    for i, name in enumerate(expected):
-        if i >= len(header) or header[i] != name:
-            found = header[i] if i < len(header) else "nothing"
-            raise RangeLogError(f"{path}, line {at + 1}: column {i + 1} must be {name}, not {found}.")
-    if len(header) > len(expected):
-        raise RangeLogError(f"{path}, line {at + 1}: column {header[len(expected)]} has no bearing.")
-    rows = np.array(list(_csv_rows(path, lines, at + 1, len(expected)))).reshape(-1, len(expected))
-    ranges = rows[:, 4:]
-    ranges[(ranges <= 0) | (ranges > np.array(limits))] = nan
-    keep = _pick(path, bearings, beams_deg)
-    return RangeLog(rows[:, 0], rows[:, 1:4], ranges[:, keep], tuple(radians(bearings[i]) for i in keep))
-
-
-def _comment(path: Path, line: int, text: str) -> tuple[float, ...]:
+def _decoded(data: bytes) -> str:
+    """What is not Unicode is Latin-1, which has a letter for every byte: only comments hold any."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace")
     try:
-        return tuple(float(v) for v in text.split(","))
-    except ValueError as error:
-        raise RangeLogError(f"{path}, line {line}: must be numbers with commas between.") from error
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
-def _csv_rows(path: Path, lines: list[str], start: int, columns: int) -> Iterator[list[float]]:
-    for number, line in enumerate(lines[start:], start + 1):
-        if not line.strip():
-            continue
-        cells = line.split(",")
-        if len(cells) != columns:
-            raise RangeLogError(f"{path}, line {number}: {len(cells)} columns where the header has {columns}.")
-        try:
-            row = [float(c) if c.strip() else nan for c in cells]
-        except ValueError as error:
-            raise RangeLogError(f"{path}, line {number}: {error}.") from error
-        if not all(map(isfinite, row[:4])):
-            raise RangeLogError(f"{path}, line {number}: time and odometry must not be empty.")
-        yield row
+def _judged(text: LogText, frames: Frames) -> RangeLog:
+    notes = frames.notes
+    _check_ranges(text, frames)
+    ranges_m = frames.ranges_m
+    _silence(ranges_m, notes)
+    poses = in_radians(frames.poses, notes)
+    if _usual_step_m(poses) > STEP_USUAL_MAX_M:
+        raise text.error(
+            int(frames.lines[1]),
+            f"from here on odometry moves by {_usual_step_m(poses):.3g} m from frame to frame; it must be in metres, "
+            f"with frames less than {STEP_USUAL_MAX_M:g} m apart",
+        )
+    times_s = steady(frames.stamps, _steps_m(poses), frames.lines, notes)
+    poses, goes_on = Trust(times_s, poses, ranges_m, frames.lines, notes).judge()
+    begun = np.flatnonzero(~goes_on)
+    if len(begun) > BEGUN_MAX_SHARE * len(poses) + 1:
+        raise text.error(
+            int(frames.lines[begun[0]]),
+            f"here and {len(begun) - 1} times more odometry does not go on; it must be in metres and radians",
+        )
+    said = tuple(f"{text.path}, {note}." for note in notes)
+    centre_m = frames.laser.as_array()[:2]
+    return RangeLog(times_s, poses, ranges_m, frames.bearings_rad, frames.lines, goes_on, centre_m, said)
 
 
-def _pick(path: Path, bearings_deg: tuple[float, ...], asked: tuple[float, ...] | None) -> list[int]:
-    if asked is None:
-        return list(range(len(bearings_deg)))
-    picked = []
-    for beam in asked:
-        nearest = min(range(len(bearings_deg)), key=lambda i: abs(bearings_deg[i] - beam))
-        if abs(bearings_deg[nearest] - beam) > degrees(_BEAM_OFF_MAX_RAD):
-            beams = ", ".join(f"{b:g}" for b in bearings_deg)
-            raise RangeLogError(f"{path} has no beam at {beam:g} degrees; its beams: {beams}.")
-        picked.append(nearest)
-    return picked
+def _check_ranges(text: LogText, frames: Frames) -> None:
+    heard_m = frames.ranges_m[np.isfinite(frames.ranges_m)]
+    line = int(frames.lines[0])
+    if not len(heard_m):
+        raise text.error(line, "from here on no range is an echo: all are 0, empty or at their limit in metres")
+    if float(np.median(heard_m)) > RANGE_USUAL_MAX_M:
+        raise text.error(
+            line, f"from here on ranges are about {float(np.median(heard_m)):.4g} long; they must be in metres"
+        )
 
 
-def _carmen(path: Path, lines: list[str], beams_deg: tuple[float, ...]) -> RangeLog:
-    """One laser: the kind of line that the log has more of."""
-    kind: Callable[[list[str]], list[float]]
-    flaser = sum(line.startswith("FLASER ") for line in lines) >= sum(line.startswith("ROBOTLASER1 ") for line in lines)
-    name, kind = ("FLASER ", _flaser) if flaser else ("ROBOTLASER1 ", _robotlaser)
-    bearings = [radians(b) for b in beams_deg]
-    rows = []
-    for number, line in enumerate(lines, 1):
-        if not line.startswith(name):
-            continue
-        try:
-            time_s, x_m, y_m, heading_rad, first_rad, step_rad, *laser = kind(line.split())
-            picked = [_beam(laser, first_rad, step_rad, b) for b in bearings]
-        except (ValueError, IndexError) as error:
-            raise RangeLogError(f"{path}, line {number}: no complete {name.strip()} line ({error}).") from error
-        rows.append([time_s, x_m, y_m, heading_rad, *picked])
-    table = np.array(rows).reshape(-1, 4 + len(bearings))
-    return RangeLog(table[:, 0], table[:, 1:4], table[:, 4:], tuple(bearings))
+def _silence(ranges_m: FloatArray, notes: list[str]) -> None:
+    """A sensor that hears nothing may say so by its longest range, which recurs as none a little shorter does."""
+    while np.isfinite(ranges_m).any():
+        longest_m = float(np.nanmax(ranges_m))
+        longest = ranges_m == longest_m
+        below = ranges_m[(ranges_m < longest_m) & (ranges_m > longest_m - SILENT_BELOW_M)]
+        often = int(np.unique(below, return_counts=True)[1].max(initial=0))
+        heard = int(np.isfinite(ranges_m).sum())
+        beams = int((longest.sum(axis=0) >= SILENT_MIN / SILENT_TIMES).sum())
+        recurs = longest.sum() >= max(SILENT_MIN, SILENT_SHARE * heard, SILENT_TIMES * often)
+        if not recurs or beams < min(2, ranges_m.shape[1]):
+            return
+        notes.append(f"ranges of {longest_m:g} m, {int(longest.sum())} of {heard}, were taken for no echo")
+        ranges_m[longest] = np.nan
 
 
-def _flaser(words: list[str]) -> list[float]:
-    """FLASER count ranges... x y theta odom_x odom_y odom_theta ipc_time host logger_time"""
-    count = int(words[1])
-    laser = [float(w) for w in words[2 : 2 + count]]
-    tail = words[2 + count :]
-    step_rad = np.pi / count if count % 2 == 0 else np.pi / (count - 1)
-    odometry = [float(w) for w in tail[3:6]]
-    return [float(tail[6]), *odometry, -np.pi / 2, step_rad, *laser]
+def _steps_m(poses: FloatArray) -> FloatArray:
+    step = np.diff(poses[:, :2], axis=0)
+    return np.hypot(step[:, 0], step[:, 1])
 
 
-def _robotlaser(words: list[str]) -> list[float]:
-    """ROBOTLASER1 type start fov step range_max accuracy remission count ranges... rems... laser pose robot pose ..."""
-    first_rad, step_rad, range_max_m = float(words[2]), float(words[4]), float(words[5])
-    count = int(words[8])
-    laser = [float(w) for w in words[9 : 9 + count]]
-    laser = [r if r < range_max_m else nan for r in laser]
-    remissions = int(words[9 + count])
-    tail = words[10 + count + remissions :]
-    robot = [float(w) for w in tail[3:6]]
-    return [float(tail[11]), *robot, first_rad, step_rad, *laser]
-
-
-def _beam(laser: list[float], first_rad: float, step_rad: float, bearing_rad: float) -> float:
-    index = min(max(round((bearing_rad - first_rad) / step_rad), 0), len(laser) - 1)
-    if abs(first_rad + index * step_rad - bearing_rad) > _BEAM_OFF_MAX_RAD:
-        raise ValueError(f"the laser does not look at {degrees(bearing_rad):g} degrees")
-    range_m = laser[index]
-    return range_m if 0 < range_m < _CARMEN_RANGE_MAX_M else nan
+def _usual_step_m(poses: FloatArray) -> float:
+    steps_m = _steps_m(poses)
+    steps_m = steps_m[steps_m > MOVED_M]
+    return float(np.median(steps_m)) if len(steps_m) else 0.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from math import radians
+from math import isinf, radians
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,10 @@ BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narro
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """Poses (N, 3) at the log's times, as believed then and in the end; map points (M, 2); cost of each frame (N,)."""
+    """Poses (N, 3) at the log's times, as believed then and in the end; map points (M, 2); cost of each frame (N,).
+
+    `loose`: with which frames pieces of odometry begin that were not recognised in the map from before.
+    """
 
     times_s: FloatArray
     online: FloatArray
@@ -34,21 +37,28 @@ class Replayed:
     step_s: FloatArray
     work_s: FloatArray  # of the back end, which runs beside the steps
     closures: int
+    loose: tuple[int, ...]
 
 
 def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> Replayed:
     """The whole log through the mapping unit."""
     worker = DeferredWorker(gyro_led=False)
-    slam = Slam(worker, Carrier(log.bearings_rad, log.range_step_m, radians(beam_half_width_deg)))
-    online = np.zeros((len(log.times_s), 3))
-    step_s, work_s = np.zeros(len(log.times_s)), np.zeros(len(log.times_s))
+    slam = Slam(worker, Carrier(log.bearings_rad, log.range_step_m, radians(beam_half_width_deg), spacing_m=log.step_m))
+    count = len(log.times_s)
+    online, step_s, work_s = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
     anchored: list[tuple[int, Pose2]] = []
-    last = Pose2.from_array(log.poses[0])
+    begun: list[int] = []
+    loose: list[int] = []
+    of_beams = _shifted(log.poses, log.centre_m)
+    last = Pose2.from_array(of_beams[0])
     ages_s = (0.0,) * len(log.bearings_rad)
-    for i, (t_s, pose, ranges_m) in enumerate(zip(log.times_s.tolist(), log.poses, log.ranges_m.tolist(), strict=True)):
+    for i, (t_s, pose, ranges_m) in enumerate(zip(log.times_s.tolist(), of_beams, log.ranges_m.tolist(), strict=True)):
         here = Pose2.from_array(pose)
+        if not log.goes_on[i]:
+            loose += _unrecognised(slam, begun)
+            begun.append(i)
         began = time.thread_time()
-        slam.add_motion(t_s, last.between(here))
+        slam.add_motion(t_s, last.between(here), bool(log.goes_on[i]))
         slam.add_ranges(Ranges(t_s, tuple(ranges_m), ages_s))
         step_s[i] = time.thread_time() - began
         online[i] = slam.pose.as_array()
@@ -57,9 +67,24 @@ def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> R
         began = time.thread_time()
         worker.work()
         work_s[i] = time.thread_time() - began
+    loose += _unrecognised(slam, begun)
     poses = slam.trajectory()[1]
     smoothed = np.array([Pose2.from_array(poses[node]).compose(seen).as_array() for node, seen in anchored])
-    return Replayed(log.times_s, online, smoothed, slam.wall_points(), step_s, work_s, slam.closures)
+    online, smoothed = (_shifted(way, -log.centre_m) + [*log.centre_m, 0.0] for way in (online, smoothed))
+    points = slam.wall_points() + log.centre_m
+    return Replayed(log.times_s, online, smoothed, points, step_s, work_s, slam.closures, tuple(loose))
+
+
+def _shifted(poses: FloatArray, by_m: FloatArray) -> FloatArray:
+    """Poses (N, 3) of what is `by_m` (2,) away, as seen from poses (N, 3)."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x_m, y_m = by_m
+    return np.column_stack([poses[:, 0] + c * x_m - s * y_m, poses[:, 1] + s * x_m + c * y_m, poses[:, 2]])
+
+
+def _unrecognised(slam: Slam, begun: list[int]) -> list[int]:
+    """The newest of the pieces begun, if it is not tied to the map from before."""
+    return begun[-1:] if isinf(slam.uncertainty[0]) else []
 
 
 def write_replay(folder: Path, run: Replayed) -> None:

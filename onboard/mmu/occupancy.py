@@ -15,6 +15,7 @@ from common.geometry import FloatArray, Points
 
 CELL_M = 0.1
 GROWTH_CELLS = 100
+DRAWN_MAX_M = 500.0  # from the map's zero, in x and y: memory follows the floor, not the worst pose
 UNKNOWN, FREE, WALL = 0, 1, 2
 RAY_SPREAD_RAD = tuple(radians(a) for a in (-8.0, -4.0, 0.0, 4.0, 8.0))
 RAY_MARGIN_M = 0.15  # a ray ends this far before its echo
@@ -50,7 +51,8 @@ class OccupancyGrid:
         if len(points_m):
             along = np.stack([-np.sin(normals_rad), np.cos(normals_rad)], axis=1)
             patches = (points_m[:, None, :] + along[:, None, :] * _PATCH_M[None, :, None]).reshape(-1, 2)
-            self._make_room(patches)
+            if not self._make_room(patches):
+                patches = patches[_drawn(patches)]
             np.add.at(self._hits, self._index(patches), 1)
 
     def add_rays(self, starts_m: Points, directions_rad: npt.ArrayLike, free_m: npt.ArrayLike) -> None:
@@ -68,8 +70,10 @@ class OccupancyGrid:
         start = np.repeat(starts_m, len(spread), axis=0)
         unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         ends = start + unit * np.maximum(free, 0.0)[:, None]
-        self._make_room(np.concatenate([starts_m, ends]))
-        steps = int(max(free.max(), 0.0) / _STEP_M) + 1
+        if not self._make_room(np.concatenate([starts_m, ends])):
+            drawn = _drawn(start) & _drawn(ends)
+            start, unit, free = start[drawn], unit[drawn], free[drawn]
+        steps = int(free.max(initial=0.0) / _STEP_M) + 1
         reach = _REACHES[:steps]
         points = start[:, None, :] + unit[:, None, :] * reach[None, :, None]
         index = self._index(points)
@@ -81,7 +85,8 @@ class OccupancyGrid:
         """Where the robot itself stood (N, 2) is free, whatever the sonars say."""
         for i in range(0, len(positions_m), RAYS_AT_ONCE):
             part = positions_m[i : i + RAYS_AT_ONCE]
-            self._make_room(part)
+            if not self._make_room(part):
+                part = part[_drawn(part)]
             index = self._index((part[:, None, :] + _DISC[None, :, :]).reshape(-1, 2))
             self._passed[index] = True
             self._hits[index] = 0
@@ -105,15 +110,28 @@ class OccupancyGrid:
         cell = np.clip(cell, 0, limit)
         return cell[..., 1], cell[..., 0]
 
-    def _make_room(self, points_m: Points) -> None:
+    def _make_room(self, points_m: Points) -> bool:
+        """Grow where points (N, 2) need it; false where some lie too far off to be drawn."""
         low, high = points_m.min(axis=0) - 1.0, points_m.max(axis=0) + 1.0
-        size = np.array(self._hits.shape)[::-1] * CELL_M
-        before = np.ceil(np.maximum(self._origin - low, 0.0) / CELL_M).astype(int)
-        after = np.ceil(np.maximum(high - self._origin - size, 0.0) / CELL_M).astype(int)
-        if not (before.any() or after.any()):
-            return
-        before = np.where(before > 0, before + GROWTH_CELLS, 0)
-        after = np.where(after > 0, after + GROWTH_CELLS, 0)
-        pad = ((before[1], after[1]), (before[0], after[0]))
-        self._hits, self._passed = np.pad(self._hits, pad), np.pad(self._passed, pad)
-        self._origin = self._origin - before * CELL_M
+        end = self._origin + np.array(self._hits.shape)[::-1] * CELL_M
+        if not ((low < self._origin).any() or (high > end).any()):
+            return True
+        drawn = _drawn(points_m)
+        near = points_m[drawn]
+        if len(near):
+            before = np.ceil((self._origin - near.min(axis=0) + 1.0) / CELL_M).astype(int)
+            after = np.ceil((near.max(axis=0) + 1.0 - end) / CELL_M).astype(int)
+            before = np.where(before > 0, before + GROWTH_CELLS, 0)
+            after = np.where(after > 0, after + GROWTH_CELLS, 0)
+            if before.any() or after.any():
+                pad = ((before[1], after[1]), (before[0], after[0]))
+                self._hits, self._passed = np.pad(self._hits, pad), np.pad(self._passed, pad)
+                self._origin = self._origin - before * CELL_M
+        return bool(drawn.all())
+
+
+def _drawn(points_m: Points) -> npt.NDArray[np.bool_]:
+    """Which of the points (N, 2) are near enough."""
+    x_m, y_m = np.abs(points_m).T
+    near: npt.NDArray[np.bool_] = np.maximum(x_m, y_m) <= DRAWN_MAX_M
+    return near

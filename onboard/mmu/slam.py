@@ -11,6 +11,7 @@ as they come; grid and wall points are drawn from the key frames as they lie now
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from math import inf, isfinite, pi, radians
 
 import numpy as np
@@ -45,6 +46,7 @@ class Carrier:
     bearings_rad: tuple[float, ...] = SONAR_BEARINGS_RAD
     range_step_m: float = SONAR_STEP_M
     beam_half_rad: float = BEAM_HALF_RAD
+    spacing_m: float = 0.0  # the usual way between two ranges of a beam, where it is long
     tick_m: float = TICK_M
     track_m: float = WHEEL_TRACK_M
 
@@ -58,7 +60,10 @@ class Slam:
     def __init__(self, worker: Worker, carrier: Carrier = ROBOT, saved: SavedMap | None = None) -> None:
         """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
         self._odometry = OdometryFilter(carrier.track_m, carrier.tick_m)
-        self._surroundings = Surroundings(carrier.bearings_rad, carrier.range_step_m, carrier.beam_half_rad)
+        self._listen = partial(
+            Surroundings, carrier.bearings_rad, carrier.range_step_m, carrier.beam_half_rad, carrier.spacing_m
+        )
+        self._surroundings = self._listen()
         self._worker = worker
         self._beams = len(carrier.bearings_rad)
         self._recent: list[tuple[float, Pose2]] = []
@@ -120,9 +125,16 @@ class Slam:
             self._go_on(odometry.t_s)
         return goes_on
 
-    def add_motion(self, t_s: float, moved: Pose2) -> None:
-        """Like `add_odometry`, for a carrier that knows its own pose only: where it is, as seen from where it was."""
+    def add_motion(self, t_s: float, moved: Pose2, certain: bool = True) -> None:
+        """Like `add_odometry`, for a carrier that knows its own pose only: where it is, as seen from where it was.
+
+        `certain` false: `moved` is a guess, and what is heard from now on no run with what was heard before.
+        """
         self._odometry.move(moved)
+        if not certain:
+            self._odometry.carried = True
+            self._recent.clear()
+            self._surroundings = self._listen()
         self._go_on(t_s)
 
     def _go_on(self, t_s: float) -> None:

@@ -20,7 +20,7 @@ from onboard.mmu.echo_direction import Beam, locate
 WINDOW_HALF_M = 0.25  # travel before and after a sample that its direction is fitted over
 WINDOW_HALF_RAD = radians(35.0)
 WINDOW_SAMPLES = 2.2  # to each side, at least: a slow sonar on a fast robot needs a longer window
-WINDOW_HALF_MAX_M = 0.6
+WINDOW_HALF_MAX_M = 0.6  # where nobody says that ranges lie further apart
 BASELINE_MIN_M = 0.18
 BASELINE_MIN_RAD = radians(12.0)
 SAMPLES_MIN = 4
@@ -77,6 +77,7 @@ class BeamTrack:
 
     bearing_rad: float
     beam: Beam
+    window_half_max_m: float = WINDOW_HALF_MAX_M
     samples: list[Sample] = field(default_factory=list)
     pending: Sample | None = None
     misses: int = 0
@@ -148,7 +149,7 @@ class BeamTrack:
     def _window_half_m(self) -> float:
         recent = self.samples[-8:]
         spacing_m = (recent[-1].travel_m - recent[0].travel_m) / max(len(recent) - 1, 1)
-        return min(max(WINDOW_HALF_M, WINDOW_SAMPLES * spacing_m), WINDOW_HALF_MAX_M)
+        return min(max(WINDOW_HALF_M, WINDOW_SAMPLES * spacing_m), self.window_half_max_m)
 
     def _due(self, sample: Sample) -> bool:
         last = self.last_placed
@@ -207,12 +208,20 @@ class Surroundings:
     """Ranges in, echoes and free rays out, for any number and bearing of beams (MMU_SR_05)."""
 
     def __init__(
-        self, bearings_rad: tuple[float, ...], step_m: float = SONAR_STEP_M, beam_half_rad: float = BEAM_HALF_RAD
+        self,
+        bearings_rad: tuple[float, ...],
+        step_m: float = SONAR_STEP_M,
+        beam_half_rad: float = BEAM_HALF_RAD,
+        spacing_m: float = 0.0,
     ) -> None:
-        """`step_m`: ranges are rounded down to multiples of it; 0 where they are not rounded."""
+        """`step_m`: ranges are rounded down to multiples of it; 0 where they are not rounded.
+
+        `spacing_m`: the usual way between two ranges of a beam, where it is long.
+        """
+        window_m = max(WINDOW_HALF_MAX_M, WINDOW_SAMPLES * spacing_m)
         self._bearings_rad = bearings_rad
         self._half_step_m = step_m / 2
-        self._tracks = [BeamTrack(b, Beam(beam_half_rad, step_m)) for b in bearings_rad]
+        self._tracks = [BeamTrack(b, Beam(beam_half_rad, step_m), window_m) for b in bearings_rad]
         self._newest_s = [float("-inf")] * len(bearings_rad)
         self._recent: list[deque[float]] = [deque(maxlen=3) for _ in bearings_rad]
         self._ray_poses: list[Pose2 | None] = [None] * len(bearings_rad)

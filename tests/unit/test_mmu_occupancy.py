@@ -55,6 +55,22 @@ def test_a_ray_frees_nothing_behind_a_known_wall() -> None:
     assert at(grid, 3.0, 0.05) == UNKNOWN
 
 
+def test_what_lies_far_off_takes_no_memory() -> None:
+    """A pose that is off by kilometres would have filled it."""
+    grid, far = with_wall(2.0), np.array([[1e6, 0.05], [-1e9, 1e12]])
+    shape = grid.shape
+    tracemalloc.start()
+    grid.add_walls(np.concatenate([far, [[2.05, 0.05]]]), np.zeros(3))
+    grid.add_rays(np.concatenate([START, far]), [pi / 2, 0.0, 0.0], [1.0, 2.0, 2.0])
+    grid.add_hull(far)
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert grid.shape == shape
+    assert peak_bytes < 1e6
+    assert at(grid, 0.05, 0.6) == FREE
+    assert at(grid, 2.05, 0.05) == WALL
+
+
 def test_silence_frees_the_near_floor_only() -> None:
     grid = OccupancyGrid()
     grid.add_rays(START, [0.0], [inf])
