@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from common.codec import DecodeError, decode
+from common.errors import StartError
 from common.frames import KNOWN_BOOTS, Frame, Known, Losses
 from common.messages import TOPICS, Topic
 from common.transaction import transaction
@@ -54,7 +55,7 @@ TOPIC_OF_KEY: Mapping[str, Topic[Any]] = {topic.key: topic for topic in TOPICS}
 _log = logging.getLogger("recorder")
 
 
-class RunDatabaseError(ValueError):
+class RunDatabaseError(StartError):
     """The file is no run database that this program can use: one sentence says why."""
 
 
