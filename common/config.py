@@ -26,6 +26,7 @@ from common.constants import (
 from common.errors import StartError
 from common.messages import STATUS
 from common.rules import Between, Count, Form, Names, Pattern, Rule
+from common.text_file import read_text
 
 TEXT_MAX = 1000  # characters; no path is longer
 LIST_MAX = 1000
@@ -226,12 +227,7 @@ def load_config(path: Path | None) -> Config:
     """The configuration in a file, or all defaults for None; raises ConfigError."""
     if path is None:
         return Config()
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise ConfigError(f"The configuration {path} cannot be read: {reason}.") from error
-    return parse_config(text, str(path))
+    return parse_config(read_text(path, f"The configuration {path}", ConfigError, "TOML"), str(path))
 
 
 def _toml(value: Any) -> str:

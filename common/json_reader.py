@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 from common.geometry import Points
+from common.plain_text import one_line
+from common.text_file import read_text
 
 Colour = tuple[int, int, int]
-TEXT_MAX = 1000  # characters
 _LARGEST = 1e6
 
 
 def load_json(path: Path, source: str, error_type: type[Exception]) -> Any:
     """The document in a file; raises `error_type` when it cannot be read or is no JSON."""
+    text = read_text(path, source, error_type, "JSON")
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise error_type(f"{source} cannot be read: {error.strerror or error}") from error
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise error_type(f"{source} is not JSON: {error}") from error
 
@@ -108,10 +108,11 @@ class Node:
         return value
 
     def text(self, key: str) -> str:
+        """As one line that every picture and terminal can show."""
         value = self.value(key)
-        if not isinstance(value, str) or len(value) > TEXT_MAX:
-            raise self.error(key, f"must be a text of at most {TEXT_MAX} characters")
-        return value
+        if not isinstance(value, str):
+            raise self.error(key, "must be a text")
+        return one_line(value)
 
     def flag(self, key: str) -> bool:
         value = self.value(key)

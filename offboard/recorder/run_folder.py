@@ -2,8 +2,8 @@
 
 Recorder, simulator and replay write it; evaluation, export, visualizer and command center read it. A file is written
 whole under another name and then renamed, so that a reader never meets half of one; only `trajectory.tum` and
-`truth.tum` grow line by line. Every reader raises RunFolderError for a file that does not hold what it should, OSError
-for one that cannot be read.
+`truth.tum` grow line by line. Every reader raises RunFolderError for a file that cannot be read, or does not hold what
+it should.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import numpy.typing as npt
 from common.errors import StartError
 from common.geometry import FloatArray, Points
 from common.json_reader import Node, load_json
+from common.text_file import read_text
 
 TRAJECTORY_NAME = "trajectory.tum"  # the poses as they were published at the time
 SMOOTHED_NAME = "trajectory_smoothed.tum"  # the path as it was believed in the end
@@ -113,7 +114,7 @@ def read_tum(path: Path) -> tuple[FloatArray, FloatArray]:
 
     A last line without its end is being written, or was when its writer died: it is no pose yet.
     """
-    lines = _text(path).split("\n")[:-1]
+    lines = read_text(path, str(path), RunFolderError).split("\n")[:-1]
     rows = [(number, line.split()) for number, line in enumerate(lines, 1) if line and line[0] != "#"]
     table = _numbers(path, rows, _POSE_FORM)
     heading_rad = 2 * np.arctan2(table[:, 6], table[:, 7])
@@ -140,21 +141,12 @@ def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferr
 
 def read_map_points(path: Path) -> tuple[Points, npt.NDArray[np.uint8]]:
     """Wall points (N, 2) and their marks (N,)."""
-    header, *lines = _text(path).split("\n")
+    header, *lines = read_text(path, str(path), RunFolderError).split("\n")
     if not header.startswith(MAP_HEADER):
         raise RunFolderError(f"{path} line 1 must be the header {MAP_HEADER}.")
     rows = [(number, line.split(",")[:3]) for number, line in enumerate(lines, 2) if line]
     table = _numbers(path, rows, MAP_HEADER)
     return table[:, :2], (table[:, 2] != 0).astype(np.uint8)
-
-
-def _text(path: Path) -> str:
-    if not path.is_file():
-        raise RunFolderError(f"{path} is no file.")
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise RunFolderError(f"{path} is no text: byte {error.start + 1} belongs to none.") from error
 
 
 def _numbers(path: Path, rows: Iterable[tuple[int, list[str]]], form: str) -> FloatArray:
@@ -184,15 +176,16 @@ def read_pois(path: Path) -> list[dict[str, Any]]:
     content = load_json(path, str(path), RunFolderError)
     if not isinstance(content, list):
         raise RunFolderError(f"{path} must hold a list of records.")
-    for i, record in enumerate(content):
-        poi = Node(record, str(path), RunFolderError, f"[{i}]")
-        for name in ("x_m", "y_m"):
-            poi.number(name)
-        for name in filter(poi.has, _POI_TEXTS):
-            poi.text(name)
-        if poi.has("poi_id"):
-            poi.whole("poi_id")
-    return content
+    nodes = [Node(record, str(path), RunFolderError, f"[{i}]") for i, record in enumerate(content)]
+    return [record | _checked(poi) for record, poi in zip(content, nodes, strict=True)]
+
+
+def _checked(poi: Node) -> dict[str, Any]:
+    """What readers rely on, of one record."""
+    known: dict[str, Any] = {name: poi.text(name) for name in filter(poi.has, _POI_TEXTS)}
+    if poi.has("poi_id"):
+        known["poi_id"] = poi.whole("poi_id")
+    return known | {name: poi.number(name) for name in ("x_m", "y_m")}
 
 
 def read_path(run_dir: Path) -> tuple[FloatArray, FloatArray]:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from common.errors import StartError
+from common.json_reader import load_json
 from offboard.recorder.run_folder import TRAJECTORY_NAME
 from offboard.simulator.errors import PROFILES
 from offboard.simulator.events import Events, load_events
-from offboard.simulator.floor import Floor, load_floor
+from offboard.simulator.floor import Floor, FloorError, load_floor
 
 FLOORS = Path(__file__).with_name("floors")
 DEFAULT_FLOOR = "office"
@@ -74,8 +74,8 @@ def load_world(options: RunOptions) -> tuple[Floor, Events]:
 
 
 def floor_json(options: RunOptions) -> dict[str, Any]:
-    """The floor file as it stands, for the evaluation."""
-    content: dict[str, Any] = json.loads(options.floor.read_text(encoding="utf-8"))
+    """The floor file as it stands, for the evaluation; raises FloorError."""
+    content: dict[str, Any] = load_json(options.floor, f"floor file {options.floor}", FloorError)
     return content
 
 

@@ -22,6 +22,7 @@ from onboard.poi.frame_socket import SocketFrames
 
 EXPOSURE_US = 15_000  # at 0.16 m/s a plate's stroke moves by 2.4 mm meanwhile
 PHOTO_SIDE_MIN_PX = 32
+_JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp")
 _ROUNDING_S = 1e-6  # of clocks that add up steps
 
@@ -177,10 +178,14 @@ def photo_files(path: Path) -> list[Path]:
 
 
 def read_photo(file: Path) -> Image:
-    """A photo; raises StartError when it is none."""
+    """A photo; raises StartError when it is none, or not all of one, OSError."""
+    data = file.read_bytes()
+    # Of half a JPEG the decoder makes the rest up. Some cameras write more behind the mark of its end
+    if data.startswith(_JPEG_BEGIN) and _JPEG_END not in data[len(data) // 2 :]:
+        raise StartError(f"{file} is only a part of a picture; copy it again.")
     try:
-        image = cv2.imread(str(file), cv2.IMREAD_COLOR)
-    except cv2.error:  # larger than OpenCV takes
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # empty, or larger than OpenCV takes
         image = None
     if image is None or min(image.shape[:2]) < PHOTO_SIDE_MIN_PX:
         raise StartError(f"{file} is no picture that can be read; give a JPEG or PNG file of the camera.")
