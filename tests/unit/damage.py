@@ -188,3 +188,44 @@ def remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
+
+
+class RunFolder:
+    """A run folder that is spoilt and made sound again."""
+
+    def __init__(self, folder: Path, sound_run: Path) -> None:
+        self.folder = folder
+        folder.mkdir(parents=True)
+        self._sound = {file.name: file.read_bytes() for file in sound_run.iterdir() if file.is_file()}
+        self._touched = set(self._sound)
+        self.mend()
+
+    def mend(self) -> None:
+        for name in (*self._touched, "run.sqlite-wal", "run.sqlite-shm", "run.sqlite-journal"):
+            remove(self.folder / name)
+        for name in self._touched:
+            (self.folder / name).write_bytes(self._sound[name])
+        self._touched = set()
+
+    def spoil(self, damage: Damage) -> None:
+        self._touched = set(damage.chance.sample(list(self._sound), damage.chance.choice((1, 1, 2))))
+        for name in self._touched:
+            file = self.folder / name
+            if damage.chance.random() < 0.1:
+                damage.in_place_of(file)
+            elif name == "run.sqlite":
+                damage.sqlite(file)
+            else:
+                wrong = damage.json_of if name.endswith(".json") else damage.words_of
+                plain = name.endswith((".json", ".tum", ".csv"))
+                data = file.read_bytes()
+                file.write_bytes(damage.text_of(data, wrong) if plain else damage.bytes_of(data))
+
+
+def assert_told(code: int, said: str) -> None:
+    """Done, or refused in one line that a terminal may show."""
+    assert code in (0, 2)
+    if code == 2:
+        (line,) = said.splitlines()
+        assert re.fullmatch(r"indoor-mapping: .+\.", line), line
+        assert line.isprintable()
