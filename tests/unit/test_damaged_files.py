@@ -41,7 +41,7 @@ def slow(cases: int) -> Any:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("cases", [60, slow(40_000)])
+@pytest.mark.parametrize("cases", [60, slow(20_000)])
 def test_damaged_run_folders_are_listed_and_exported_or_refused_in_a_sentence(
     cases: int, sound_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,7 +86,7 @@ def attempt(load: Callable[[], T], file: Path) -> T | None:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("cases", [400, slow(40_000)])
+@pytest.mark.parametrize("cases", [400, slow(60_000)])
 def test_damaged_configurations_serve_or_are_refused_in_a_sentence(cases: int, tmp_path: Path) -> None:
     damage, file, sound = Damage(1), tmp_path / "robot.toml", config_text(Config()).encode()
     for _ in range(cases):
@@ -115,7 +115,7 @@ def test_damaged_floors_and_events_serve_or_are_refused_in_a_sentence(cases: int
                 [person.position(now_s) for person in happening.people]
 
 
-@pytest.mark.parametrize("cases", [12, slow(2_000)])
+@pytest.mark.parametrize("cases", [12, slow(500)])
 def test_damaged_photos_serve_or_are_refused_in_a_sentence(
     cases: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -142,7 +142,7 @@ def test_signs_are_read_in_damaged_photos_or_they_are_refused_in_a_sentence(
     damage, photo, sidecar = Damage(4), tmp_path / "plate.jpg", tmp_path / "plate.json"
     picture = cv2.imencode(".jpg", plate_picture())[1].tobytes()
     place = json.dumps({"x_m": 2.0, "y_m": 1.0, "heading_rad": 0.0, "wall_m": 1.0}).encode()
-    for case in range(100):
+    for case in range(40):
         photo.write_bytes(damage.bytes_of(picture) if case % 2 else picture)
         sidecar.write_bytes(place if case % 2 else damage.text_of(place, damage.json_of))
         code = main(["read-signs", str(tmp_path)])
