@@ -92,7 +92,7 @@ class Node:
     def number(self, key: str) -> float:
         value = self.value(key)
         if not is_number(value):
-            raise self.error(key, "must be a number")
+            raise self.error(key, f"must be a number between {-_LARGEST:g} and {_LARGEST:g}")
         return float(value)
 
     def length(self, key: str, above: float = 0.0, at_most: float = _LARGEST) -> float:

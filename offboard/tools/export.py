@@ -258,9 +258,9 @@ def export_run(run_dir: Path, formats: Sequence[str] = FORMATS, to: Path | None 
     """
     unknown = [name for name in formats if name not in _WRITERS]
     if unknown:
-        raise ExportError(f"no export format '{unknown[0]}'; choose from {', '.join(FORMATS)}")
+        raise ExportError(f"There is no export format '{unknown[0]}'; choose from {', '.join(FORMATS)}")
     if not run_dir.is_dir():
-        raise ExportError(f"no run folder at {run_dir}; `indoor-mapping runs` lists them")
+        raise ExportError(f"There is no run folder at {run_dir}; `indoor-mapping runs` lists them")
     data = read_map(run_dir)
     folder = to or run_dir
     folder.mkdir(parents=True, exist_ok=True)

@@ -75,9 +75,9 @@ def export(run_dir: Path, to: Path, formats: Sequence[str]) -> list[Path]:
     """
     for name in formats:
         if name not in EXPORTERS:
-            raise ExportError(f"no export format '{name}'; choose from {', '.join(EXPORTERS)}")
+            raise ExportError(f"There is no export format '{name}'; choose from {', '.join(EXPORTERS)}")
     if not run_dir.is_dir():
-        raise ExportError(f"no run folder at {run_dir}; `indoor-mapping runs` lists them")
+        raise ExportError(f"There is no run folder at {run_dir}; `indoor-mapping runs` lists them")
     if to.exists() and to.samefile(run_dir):
         raise ExportError(f"{to} is the run's own folder; choose another one with --to")
     to.mkdir(parents=True, exist_ok=True)

@@ -42,7 +42,7 @@ class OccupancyImage:
     def pgm(self) -> bytes:
         """A binary PGM file (P5)."""
         rows, columns = self.cells.shape
-        return f"P5\n{columns} {rows}\n255\n".encode() + self.cells.tobytes()
+        return b"".join((f"P5\n{columns} {rows}\n255\n".encode(), self.cells.data))
 
     def yaml(self, image_name: str) -> str:
         """What a ROS map server reads beside the image."""
