@@ -9,7 +9,9 @@ import os
 from dataclasses import dataclass
 from enum import IntEnum
 
-from common.plain_text import one_line
+from common.plain_text import plain
+
+SENTENCE_MAX = 1000  # characters: names of files may be long
 
 
 class StartError(Exception):
@@ -22,7 +24,7 @@ def sentence(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror is not None:
         file = error.filename2 or error.filename
         text = f"{os.fsdecode(file)}: {error.strerror}" if isinstance(file, (str, bytes)) else error.strerror
-    return one_line(text if text.endswith(".") else f"{text}.")
+    return plain(text if text.endswith(".") else f"{text}.", SENTENCE_MAX)
 
 
 class ErrorCode(IntEnum):

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from common.geometry import Points
-from common.plain_text import one_line
+from common.plain_text import plain
 from common.text_file import read_text
 
 Colour = tuple[int, int, int]
+TEXT_MAX = 1000  # characters
 _LARGEST = 1e6
 
 
@@ -112,7 +113,7 @@ class Node:
         value = self.value(key)
         if not isinstance(value, str):
             raise self.error(key, "must be a text")
-        return one_line(value)
+        return plain(value, TEXT_MAX)
 
     def flag(self, key: str) -> bool:
         value = self.value(key)

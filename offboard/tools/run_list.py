@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from common.errors import StartError, sentence
+from common.errors import SENTENCE_MAX, StartError, sentence
 from common.json_reader import Node, load_json
 from common.messages import PLAN
-from common.plain_text import one_line
+from common.plain_text import plain
 from offboard.recorder.run_database import RunReader
 from offboard.recorder.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
 
@@ -34,7 +34,7 @@ class RunLine:
         ended = {True: "finished", False: "not finished", None: "unknown end"}[self.finished]
         parts = [f"{self.date:%Y-%m-%d %H:%M}", self.floor or "-", f"{self.duration_s or 0.0:.0f} s", ended]
         parts += [f"{name} {value:.3f}" for name, value in self.figures.items()]
-        return one_line(". DAMAGED: ".join([f"{self.folder}  {', '.join(parts)}", *self.damage]))
+        return plain(". DAMAGED: ".join([f"{self.folder}  {', '.join(parts)}", *self.damage]), SENTENCE_MAX)
 
 
 def _with_change_time(line: RunLine) -> RunLine:
