@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,6 +20,7 @@ import pytest
 from common.config import Config, config_text, load_config, parse_config
 from common.errors import StartError, sentence
 from common.zenoh_session import main_way
+from deploy import cli
 from deploy.cli import main
 from offboard.recorder import run_database
 from offboard.simulator.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world
@@ -46,6 +48,7 @@ def test_damaged_run_folders_are_listed_and_exported_or_refused_in_a_sentence(
     cases: int, sound_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_database, "_BUSY_S", 0.05)
+    monkeypatch.setattr(cli, "build_parser", cache(cli.build_parser))  # to build it takes longer than a case
     damage, root = Damage(0), tmp_path / "runs"
     run, beside = RunFolder(root / "spoilt", sound_run), RunFolder(root / "sound", sound_run)
     slowest_s = 0.0
