@@ -1,18 +1,18 @@
 """`robot.toml` -> one frozen, typed configuration; an unknown key or a wrong type is an error, never ignored.
 
 Every process reads the same file. What the file leaves out takes the value written here; physical numbers come from
-`constants`. A further section is a further dataclass here and a field of `Config`.
+`constants`. A further section is a further dataclass here and a field of `Config`; what a value must be besides its
+type is annotated with `rules`, a number always with its limits.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import re
 import tomllib
 from dataclasses import dataclass, field
 from math import degrees, pi, radians
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from common.constants import (
     CAMERA_FIELD_OF_VIEW_RAD,
@@ -25,6 +25,18 @@ from common.constants import (
 )
 from common.errors import StartError
 from common.messages import STATUS
+from common.rules import Between, Count, Form, Names, Pattern, Rule
+from common.text_file import read_text
+
+TEXT_MAX = 1000  # characters; no path is longer
+LIST_MAX = 1000
+
+_HOST = r"[A-Za-z0-9._:\[\]%-]+"
+_LENGTH_M = Between(0.01, 2.0)
+_TO_OTHERS = Form(rf"(tls/{_HOST}:\d{{1,5}})?", 'leaves this machine, so it must be "tls/HOST:PORT"')
+_ON_LOOPBACK = Form(rf"tcp/{_HOST}:\d{{1,5}}", 'must be "tcp/HOST:PORT"')
+_DOOR_COLOUR = Form(r"H\d{1,3}-\d{1,3} S\d{1,3}-\d{1,3} V\d{1,3}-\d{1,3}", "must be like 'H8-22 S60-255 V30-230'")
+_LABEL = "[A-Za-z0-9_-]{1,63}"
 
 
 class ConfigError(StartError):
@@ -33,7 +45,8 @@ class ConfigError(StartError):
 
 @dataclass(frozen=True, slots=True)
 class RobotSection:
-    name: str = "robot1"  # first part of every key on the bus
+    # First part of every key on the bus
+    name: Annotated[str, Form(r"[^/*$#?@\s]{1,64}", "must be one word without / * $ # ? @")] = "robot1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,25 +54,27 @@ class MeshSection:
     """Who meets where. One file may serve all machines: each process takes of it what is for its own."""
 
     # Where comm listens, and the modules beside it connect; they listen at the same port of 127.0.0.2 and so on
-    router: str = "tcp/127.0.0.1:7447"
-    laptop_router: str = "tcp/127.0.0.1:7448"  # where the recorder listens, the laptop's own router
-    listen: str = ""  # where comm listens for the other machines, e.g. "tls/0.0.0.0:7449"; empty: for none
-    robot: str = ""  # where the other machines find comm, e.g. "tls/robot:7449"; empty: all is on this machine
+    router: Annotated[str, _ON_LOOPBACK] = "tcp/127.0.0.1:7447"
+    laptop_router: Annotated[str, _ON_LOOPBACK] = "tcp/127.0.0.1:7448"  # where the recorder listens
+    # Where comm listens for the other machines, e.g. "tls/0.0.0.0:7449"; empty: for none
+    listen: Annotated[str, _TO_OTHERS] = ""
+    # Where the other machines find comm, e.g. "tls/robot:7449"; empty: all is on this machine
+    robot: Annotated[str, _TO_OTHERS] = ""
     keys: str = ""  # folder that `deploy keys` made; empty: everybody on this machine may command
 
 
 @dataclass(frozen=True, slots=True)
 class BridgeSection:
     serial_port: str = "/dev/ttyACM0"  # better: the board's own name below /dev/serial/by-id
-    baud: int = 115200
+    baud: Annotated[int, Between(1, 10_000_000)] = 115200
 
 
 @dataclass(frozen=True, slots=True)
 class WheelsSection:
     """Calibrated body: what `WHEEL_DIAMETER_M` and `WHEEL_TRACK_M` are on this very robot."""
 
-    diameter_m: float = WHEEL_DIAMETER_M
-    track_m: float = WHEEL_TRACK_M
+    diameter_m: Annotated[float, _LENGTH_M] = WHEEL_DIAMETER_M
+    track_m: Annotated[float, _LENGTH_M] = WHEEL_TRACK_M
 
     @property
     def tick_m(self) -> float:
@@ -71,7 +86,9 @@ class WheelsSection:
 class SonarsSection:
     """Where the five sonars look, in the order of `SONAR_NAMES`; degrees for people, left positive."""
 
-    bearings_deg: tuple[float, ...] = tuple(round(degrees(b), 6) for b in SONAR_BEARINGS_RAD)
+    bearings_deg: Annotated[tuple[Annotated[float, Between(-180.0, 180.0)], ...], Count(SONAR_COUNT, "angles")] = tuple(
+        round(degrees(b), 6) for b in SONAR_BEARINGS_RAD
+    )
 
     @property
     def bearings_rad(self) -> tuple[float, ...]:
@@ -80,21 +97,25 @@ class SonarsSection:
 
 @dataclass(frozen=True, slots=True)
 class CommSection:
-    required: tuple[str, ...] = ("bridge", "mmu", "planner")  # on-robot modules without which nothing moves
+    # On-robot modules without which nothing moves
+    required: Annotated[tuple[str, ...], Names(tuple(STATUS), "the modules")] = ("bridge", "mmu", "planner")
     stop_when_offboard_missing: bool = False
-    outbox_limit_mb: int = 512  # what waits for the recorder on the robot's disk; above it status and log thin out
+    # What waits for the recorder on the robot's disk; above it status and log thin out
+    outbox_limit_mb: Annotated[int, Between(1, 1_000_000)] = 512
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerSection:
-    clearance_m: float = PLANNER_CLEARANCE_M  # kept between hull and wall
+    clearance_m: Annotated[float, Between(0.0, 2.0)] = PLANNER_CLEARANCE_M  # kept between hull and wall
 
 
 @dataclass(frozen=True, slots=True)
 class VisualizerSection:
-    host: str = "127.0.0.1"  # where the page is served; "0.0.0.0" shows it to the whole network
-    port: int = 8080  # 0: any free one
-    names: tuple[str, ...] = ()  # by which browsers find this machine, besides its own, e.g. "laptop.example.org"
+    # Where the page is served; "0.0.0.0" shows it to the whole network
+    host: Annotated[str, Form(rf"({_LABEL}\.)*{_LABEL}|[0-9A-Fa-f:.]*", "must be a name or an address")] = "127.0.0.1"
+    port: Annotated[int, Between(0, 65535)] = 8080  # 0: any free one
+    # By which browsers find this machine, besides its own, e.g. "laptop.example.org"
+    names: tuple[Annotated[str, Form("[A-Za-z0-9.-]+", "must be a name of this machine")], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,14 +123,16 @@ class PoiSection:
     """The camera, and what signs look like at this site."""
 
     source: str = "picamera"  # or /dev/video0, a number, a photo or folder of photos, unix:PATH
-    field_of_view_deg: float = round(degrees(CAMERA_FIELD_OF_VIEW_RAD), 6)  # from side to side
-    number_pattern: str = "[0-9]{3,4}[A-Z]?"  # a whole room number: capitals, without spaces and dashes
+    field_of_view_deg: Annotated[float, Between(10.0, 170.0)] = round(degrees(CAMERA_FIELD_OF_VIEW_RAD), 6)
+    # A whole room number: capitals, without spaces and dashes
+    number_pattern: Annotated[str, Pattern(longest=200)] = "[0-9]{3,4}[A-Z]?"
     room_types: tuple[str, ...] = (
         "Office", "Meeting Room", "Conference Room", "Laboratory", "Lab", "Classroom", "Lecture Room", "Seminar Room",
         "Washroom", "Restroom", "Toilet", "WC", "Storage", "Kitchen", "Library", "Reception", "Server Room",
         "Copy Room", "Printer Room", "Mail Room", "Lounge", "Workshop", "Studio", "Staff Room", "Utility", "Stairs",
     )  # fmt: skip
-    door_colours: tuple[str, ...] = ()  # from `calibrate doors`; without, a door is what stands out from the wall
+    # From `calibrate doors`; without, a door is what stands out from the wall
+    door_colours: tuple[Annotated[str, _DOOR_COLOUR], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,67 +163,55 @@ _NAMES = {str: "text in quotes", int: "a whole number", float: "a number", bool:
 
 
 def _convert(value: Any, hint: Any, where: str) -> Any:
-    if get_origin(hint) is tuple:
-        element = get_args(hint)[0]
-        if not isinstance(value, list):
-            raise ConfigError(f"{where} must be a list of {_NAMES[element]}.")
-        return tuple(_convert(v, element, f"{where}[{i}]") for i, v in enumerate(value))
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if type(value) is not hint:
-        raise ConfigError(f"{where} must be {_NAMES[hint]}, not {value!r}.")
-    return value
+    kind: Any = hint
+    rules: list[Rule] = []
+    if get_origin(hint) is Annotated:
+        kind, *rules = get_args(hint)
+    if get_origin(kind) is tuple:
+        value = _convert_list(value, get_args(kind)[0], where)
+    elif type(value) is not kind and (kind, type(value)) != (float, int):
+        raise ConfigError(f"{where} must be {_NAMES[kind]}.")
+    elif kind is str and (len(value) > TEXT_MAX or not value.isprintable()):
+        raise ConfigError(f"{where} must be one line of at most {TEXT_MAX} characters.")
+    # Before a whole number becomes a float, which has limits of its own
+    for rule in rules:
+        complaint = rule.complaint(value)
+        if complaint:
+            raise ConfigError(f"{where} {complaint}.")
+    return float(value) if kind is float else value
+
+
+def _convert_list(value: Any, hint: Any, where: str) -> tuple[Any, ...]:
+    if not isinstance(value, list) or len(value) > LIST_MAX:
+        kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+        raise ConfigError(f"{where} must be a list, each {_NAMES[kind]}, of at most {LIST_MAX}.")
+    return tuple(_convert(v, hint, f"{where}[{i}]") for i, v in enumerate(value))
 
 
 def _section(kind: type[Any], table: Any, where: str) -> Any:
     if not isinstance(table, dict):
         raise ConfigError(f"{where} must be a section, written [{where.split()[-1]}].")
-    hints = get_type_hints(kind)
-    known = [f.name for f in dataclasses.fields(kind)]
+    hints = get_type_hints(kind, include_extras=True)
     for key in table:
-        if key not in known:
-            raise ConfigError(f"{where}.{key} is not known; the keys there are {', '.join(known)}.")
+        if key not in hints:
+            raise ConfigError(f"{where}.{key} is not known; the keys there are {', '.join(hints)}.")
     return kind(**{key: _convert(value, hints[key], f"{where}.{key}") for key, value in table.items()})
 
 
 def _check(config: Config, file: str) -> None:
-    """What a type cannot say."""
-    name = config.robot.name
-    if not name or any(c in "/*$#?@ " for c in name):
-        raise ConfigError(f"{file}: robot.name must be one word without / * $ # ? @, not {name!r}.")
+    """What joins two keys."""
     for key, endpoint in (("listen", config.mesh.listen), ("robot", config.mesh.robot)):
-        if endpoint and re.fullmatch(r"tls/\S+:\d+", endpoint) is None:
-            raise ConfigError(
-                f'{file}: mesh.{key} leaves this machine, so it must be "tls/HOST:PORT", not {endpoint!r}.'
-            )
         if endpoint and not config.mesh.keys:
             raise ConfigError(
                 f"{file}: mesh.{key} needs mesh.keys, the folder that `indoor-mapping deploy keys` makes."
             )
-    for module in config.comm.required:
-        if module not in STATUS:
-            raise ConfigError(f"{file}: comm.required names {module!r}; the modules are {', '.join(STATUS)}.")
-    for key, length_m in (("diameter_m", config.wheels.diameter_m), ("track_m", config.wheels.track_m)):
-        if not 0.01 < length_m < 2.0:
-            raise ConfigError(f"{file}: wheels.{key} must be between 0.01 and 2 metres, not {length_m}.")
-    if not 0 <= config.visualizer.port <= 65535:
-        raise ConfigError(f"{file}: visualizer.port must be between 0 and 65535, not {config.visualizer.port}.")
-    for host in config.visualizer.names:
-        if re.fullmatch(r"[A-Za-z0-9.-]+", host) is None:
-            raise ConfigError(f"{file}: visualizer.names must hold names of this machine, not {host!r}.")
-    view_deg = config.poi.field_of_view_deg
-    if not 10.0 < view_deg < 170.0:
-        raise ConfigError(f"{file}: poi.field_of_view_deg must be between 10 and 170, not {view_deg}.")
-    count = len(config.sonars.bearings_deg)
-    if count != SONAR_COUNT:
-        raise ConfigError(f"{file}: sonars.bearings_deg must hold {SONAR_COUNT} angles, not {count}.")
 
 
 def parse_config(text: str, file: str = "robot.toml") -> Config:
     """The configuration in `text`; raises ConfigError, `file` being the name it speaks of."""
     try:
         tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{file} is no valid TOML: {error}.") from error
     hints = get_type_hints(Config)
     for name in tables:
@@ -216,12 +227,7 @@ def load_config(path: Path | None) -> Config:
     """The configuration in a file, or all defaults for None; raises ConfigError."""
     if path is None:
         return Config()
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise ConfigError(f"The configuration {path} cannot be read: {reason}.") from error
-    return parse_config(text, str(path))
+    return parse_config(read_text(path, f"The configuration {path}", ConfigError, "TOML"), str(path))
 
 
 def _toml(value: Any) -> str:

@@ -5,12 +5,26 @@ SIM and Carrier report the same numbers over the serial line; `Status.error_code
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from enum import IntEnum
+
+from common.plain_text import plain
+
+SENTENCE_MAX = 1000  # characters: names of files may be long
 
 
 class StartError(Exception):
     """A program cannot begin as asked; the message is the one sentence a person needs. It ends with exit code 2."""
+
+
+def sentence(error: Exception) -> str:
+    """What a person is told, on one line: of a system's error the file and what is wrong with it."""
+    text = str(error)
+    if isinstance(error, OSError) and error.strerror is not None:
+        file = error.filename2 or error.filename
+        text = f"{os.fsdecode(file)}: {error.strerror}" if isinstance(file, (str, bytes)) else error.strerror
+    return plain(text if text.endswith(".") else f"{text}.", SENTENCE_MAX)
 
 
 class ErrorCode(IntEnum):

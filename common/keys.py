@@ -5,6 +5,7 @@ Whether they can serve is found out by a handshake of the certificate with itsel
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,7 +24,7 @@ _NOT_YET_VALID, _EXPIRED = 9, 10  # OpenSSL's X509_V_ERR_*
 
 def checked_folder(keys: Path, role: str) -> Path:
     """The folder of a role, whose certificate can serve; raises StartError with what to do where it cannot."""
-    folder = keys.expanduser() / role
+    folder = _folder(keys, role)
     make = _MAKE.format(role=role)
     for name in (AUTHORITY, CERTIFICATE, PRIVATE_KEY):
         _read(folder / name, make)
@@ -35,12 +36,16 @@ def checked_folder(keys: Path, role: str) -> Path:
 
 def read_command_key(keys: Path, role: str) -> bytes:
     """The key that commands are signed with; raises StartError."""
-    file = keys.expanduser() / role / COMMAND_KEY
+    file = _folder(keys, role) / COMMAND_KEY
     make = _MAKE.format(role=role)
     key = _read(file, make)
     if len(key) != COMMAND_KEY_BYTES:
         raise StartError(f"{file} is no command key, it has {len(key)} bytes and not {COMMAND_KEY_BYTES}: {make}.")
     return key
+
+
+def _folder(keys: Path, role: str) -> Path:
+    return Path(os.path.expanduser(keys)) / role  # a ~ of nobody stays as it is, and is not found
 
 
 def _read(file: Path, make: str) -> bytes:

@@ -24,7 +24,7 @@ import zenoh
 from common.bus import Bus
 from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
 from common.config import Config, load_config
-from common.errors import StartError
+from common.errors import StartError, sentence
 from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick
 from common.node import Node
 from common.process_log import BusLogHandler, set_up_log
@@ -122,7 +122,7 @@ def run(
     except Exception as error:
         code = 2 if bus is None and isinstance(error, (StartError, OSError)) else 1
         if code == 2:
-            sys.stderr.write(f"{name}: {error}\n")
+            sys.stderr.write(f"{name}: {sentence(error)}\n")
         if code == 1 or arguments.log_dir is not None:
             log.error("cannot go on", exc_info=error)
     finally:

@@ -16,11 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from common.config import Config, config_text, load_config
+from common.config import Config, load_config
 from common.constants import SONAR_NAMES
 from common.errors import ErrorCode, StartError
 from common.messages import Speed
 from deploy.board_session import BoardSession
+from deploy.config_file import write_config
 from offboard.tools.umbmark import WheelFit, fit_wheels
 from onboard.bridge.protocol import OdoFlag
 from onboard.bridge.serial_port import SerialLost, SerialPort
@@ -219,7 +220,7 @@ def _calibrate_wheels(session: BoardSession, arguments: argparse.Namespace, ask:
         tell("Not written: name the file with --config robot.toml.")
         return 0
     config = load_config(arguments.config)
-    arguments.config.write_text(config_text(_calibrated(config, fit)), encoding="utf-8")
+    write_config(arguments.config, _calibrated(config, fit))
     tell(f"Written to {arguments.config}.")
     return 0
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from typing import NoReturn
 
-from common.errors import StartError
+from common.errors import StartError, sentence
 from deploy import (
     bench_verb,
     board_verbs,
@@ -49,10 +50,12 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     arguments = build_parser().parse_args(argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name that the terminal's alphabet lacks ends nothing
     try:
         code: int = arguments.run(arguments)
-    except StartError as error:
-        sys.stderr.write(f"indoor-mapping: {error}\n")
+    except (StartError, OSError) as error:
+        sys.stderr.write(f"indoor-mapping: {sentence(error)}\n")
         return 2
     return code
 

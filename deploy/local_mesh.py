@@ -354,7 +354,7 @@ def read_steps(folder: Path) -> dict[str, StepTimes]:
     """What each process said at its end of how long its steps took; who was killed said nothing."""
     steps = {}
     for file in sorted(folder.glob(f"*{STEPS_SUFFIX}")):
-        with suppress(OSError, ValueError, KeyError):
+        with suppress(OSError, ValueError, KeyError, TypeError):
             figures = json.loads(file.read_text(encoding="utf-8"))
             times = StepTimes(figures["mean_ms"], figures["p99_ms"], figures["max_ms"])
             steps[file.name.removesuffix(STEPS_SUFFIX)] = times

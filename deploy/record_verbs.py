@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from common.errors import StartError
-
 RUNS_FOLDER = Path("runs")
 
 
@@ -31,16 +29,11 @@ def _runs(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from offboard.tools.export import ExportError
     from offboard.tools.export_formats import EXPORTERS, export
 
     folder: Path = arguments.folder
     if not folder.is_dir() and (RUNS_FOLDER / folder).is_dir():
         folder = RUNS_FOLDER / folder
     formats = [name.strip() for name in arguments.format.split(",") if name.strip()] or list(EXPORTERS)
-    try:
-        files = export(folder, arguments.to, formats)
-    except (ExportError, OSError) as error:
-        raise StartError(f"Cannot export: {error}.") from error
-    print("\n".join(map(str, files)))
+    print("\n".join(map(str, export(folder, arguments.to, formats))))
     return 0

@@ -8,8 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from common.config import Config, config_text, load_config
-from common.errors import StartError
+from common.config import Config, load_config
+from deploy.config_file import write_config
+
+_CORNERS = range(3, 31)  # of a side of the chessboard: what OpenCV finds
 
 
 def add_verbs(verbs: Any) -> None:
@@ -25,8 +27,8 @@ def add_calibrations(things: Any) -> None:
     doors.set_defaults(run=_calibrate_doors)
     camera = things.add_parser("camera", help="the field of view, from photos of a chessboard")
     camera.add_argument("photos", metavar="PHOTO", type=Path, nargs="+")
-    camera.add_argument("--columns", type=int, default=9, help="inner corners along the board (9)")
-    camera.add_argument("--rows", type=int, default=6, help="inner corners across (6)")
+    camera.add_argument("--columns", type=int, default=9, choices=_CORNERS, metavar="N", help="inner corners along (9)")
+    camera.add_argument("--rows", type=int, default=6, choices=_CORNERS, metavar="N", help="inner corners across (6)")
     camera.set_defaults(run=_calibrate_camera)
     for parser in (doors, camera):
         parser.add_argument("--config", type=Path, default=Path("robot.toml"), help="the file to write (robot.toml)")
@@ -47,7 +49,7 @@ def _calibrate_doors(arguments: argparse.Namespace) -> int:
     config = _config_to_write(arguments.config)
     box = str(door_colour(read_photo(arguments.photo)))
     colours = tuple(dict.fromkeys((*config.poi.door_colours, box)))
-    _write(arguments.config, replace(config, poi=replace(config.poi, door_colours=colours)))
+    write_config(arguments.config, replace(config, poi=replace(config.poi, door_colours=colours)))
     print(f"Doors are {box}, written to {arguments.config}. Repeat with a photo of every other colour of doors.")
     return 0
 
@@ -59,17 +61,10 @@ def _calibrate_camera(arguments: argparse.Namespace) -> int:
     config = _config_to_write(arguments.config)
     photos = [read_photo(file) for file in arguments.photos]
     view_deg, error_px = field_of_view_deg(photos, arguments.columns, arguments.rows)
-    _write(arguments.config, replace(config, poi=replace(config.poi, field_of_view_deg=round(view_deg, 2))))
+    write_config(arguments.config, replace(config, poi=replace(config.poi, field_of_view_deg=round(view_deg, 2))))
     print(f"The camera sees {view_deg:.2f} degrees (error {error_px:.2f} px), written to {arguments.config}.")
     return 0
 
 
 def _config_to_write(file: Path) -> Config:
     return load_config(file if file.exists() else None)
-
-
-def _write(file: Path, config: Config) -> None:
-    try:
-        file.write_text(config_text(config), encoding="utf-8")
-    except OSError as error:
-        raise StartError(f"{file} cannot be written: {error.strerror}.") from error

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from pathlib import Path
 
+from common.errors import sentence
 from offboard.command_center.snapshot import Finding
-from offboard.recorder.run_folder import POIS_NAME, read_pois
+from offboard.recorder.run_folder import POIS_NAME, RunFolderError, read_pois
+
+_log = logging.getLogger("command_center")
 
 
 class UnknownPlace(ValueError):
@@ -39,10 +43,16 @@ def find_place(text: str, findings: Iterable[Finding]) -> tuple[float, float]:
 
 
 def findings_of_run(run_dir: Path) -> dict[int, Finding]:
-    """By their id, what the recorder has written down so far; empty where there is nothing."""
+    """By their id, what the recorder has written down so far; empty where there is nothing that can be read."""
+    try:
+        records = read_pois(run_dir / POIS_NAME)
+    except (RunFolderError, OSError) as error:
+        _log.warning("doors of the run unknown: %s", sentence(error))
+        return {}
     return {
-        record["poi_id"]: Finding(str(record["number"]), float(record["x_m"]), float(record["y_m"]))
-        for record in read_pois(run_dir / POIS_NAME)
+        record["poi_id"]: Finding(record.get("number") or "", record["x_m"], record["y_m"])
+        for record in records
+        if record.get("poi_id") is not None
     }
 
 

@@ -11,8 +11,9 @@ The schema stands in `run_schema`.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, TypeVar
@@ -23,6 +24,7 @@ from offboard.recorder.run_folder import DATABASE_NAME
 from offboard.recorder.run_schema import TOPIC_OF_KEY, RunDatabaseError, check_version
 
 P = TypeVar("P")
+T = TypeVar("T")
 _BUSY_S = 5.0
 
 
@@ -52,18 +54,19 @@ class LogEntry:
 
 
 class RunReader:
-    """Read-only, on a run folder or its `run.sqlite`. One thread at a time. Raises RunDatabaseError at the opening."""
+    """Read-only, on a run folder or its `run.sqlite`. One thread at a time.
+
+    The opening and every reading raise RunDatabaseError for a file that is damaged, or not there.
+    """
 
     def __init__(self, run: Path) -> None:
         file = run / DATABASE_NAME if run.is_dir() else run
         if not file.is_file():
             raise RunDatabaseError(f"There is no run database at {run}: `indoor-mapping runs` lists the runs.")
+        self._file = file
         try:
             self._database = sqlite3.connect(
-                f"file:{file.resolve().as_posix().replace('?', '%3f').replace('#', '%23')}?mode=ro",
-                uri=True,
-                timeout=_BUSY_S,
-                check_same_thread=False,
+                f"{file.resolve().as_uri()}?mode=ro", uri=True, timeout=_BUSY_S, check_same_thread=False
             )
             version = check_version(self._database, file)
         except sqlite3.OperationalError as error:
@@ -90,7 +93,7 @@ class RunReader:
         until_s: float | None = None,
     ) -> Iterator[Message[P]]:
         """The sound messages of these topics as they arrived, `t_s` within [since_s, until_s]."""
-        return read_messages(self._database, topics, after_row, since_s, until_s)
+        return self._readable(lambda: read_messages(self._database, topics, after_row, since_s, until_s))
 
     def latest(self, topic: Topic[P]) -> Message[P] | None:
         """The message of a topic that arrived last; None when there is none."""
@@ -98,9 +101,8 @@ class RunReader:
             "SELECT row, topic, boot_id, sequence, arrived_s, payload FROM messages"
             " WHERE topic = ? AND problem IS NULL ORDER BY row DESC LIMIT 1"
         )
-        row = self._database.execute(query, (topic.key,)).fetchone()
-        message: Message[P] | None = _message(*row) if row is not None else None
-        return message
+        newest = [_message(*row) for row in self._rows(query, (topic.key,))]
+        return newest[0] if newest else None
 
     def display_data(self, after_row: int = 0) -> Iterator[Message[Any]]:
         """All messages that are new since a row, for the views of the command center."""
@@ -143,31 +145,48 @@ class RunReader:
 
     def counts(self) -> dict[str, int]:
         """How many messages there are of each topic, undecodable ones included."""
-        return dict(self._database.execute("SELECT topic, count(*) FROM messages GROUP BY topic"))
+        return dict(self._rows("SELECT topic, count(*) FROM messages GROUP BY topic"))
 
     def senders(self) -> dict[tuple[str, int], tuple[int, int]]:
         """(topic, boot id) -> newest sequence number and how many messages there are."""
         query = "SELECT topic, boot_id, max(sequence), count(*) FROM messages GROUP BY topic, boot_id"
-        return {(topic, boot_id): (newest, count) for topic, boot_id, newest, count in self._database.execute(query)}
+        return {(topic, boot_id): (newest, count) for topic, boot_id, newest, count in self._rows(query)}
 
     def dropped(self) -> dict[tuple[str, int], int]:
         """(topic, boot id) -> how many messages never came, and are known not to."""
-        rows = self._database.execute("SELECT topic, boot_id, count FROM dropped")
+        rows = self._rows("SELECT topic, boot_id, count FROM dropped")
         return {(topic, boot_id): count for topic, boot_id, count in rows}
 
     def problems(self) -> dict[str, int]:
         """Topic -> how many stored messages cannot be decoded."""
         query = "SELECT topic, count(*) FROM messages WHERE problem IS NOT NULL GROUP BY topic"
-        return dict(self._database.execute(query))
+        return dict(self._rows(query))
 
-    def dates(self) -> list[str]:
-        """Wall times at which a recorder began or went on, ISO 8601; none for a run in lockstep."""
-        return [date for (date,) in self._database.execute("SELECT date FROM starts ORDER BY number")]
+    def dates(self) -> list[datetime]:
+        """Wall times at which a recorder began or went on, with their zone; none for a run in lockstep."""
+        texts = [text for (text,) in self._rows("SELECT date FROM starts ORDER BY number")]
+        try:
+            dates = [datetime.fromisoformat(text) for text in texts]
+        except (TypeError, ValueError) as error:
+            raise RunDatabaseError(f"{self._file} is damaged: table starts holds what is no date.") from error
+        if any(date.tzinfo is None for date in dates):
+            raise RunDatabaseError(f"{self._file} is damaged: table starts holds a date without its zone.")
+        return dates
 
     def duration_s(self) -> float:
         """From the first message to the last, on the recorder's clock."""
-        first_s, last_s = self._database.execute("SELECT min(arrived_s), max(arrived_s) FROM messages").fetchone()
-        return float(last_s - first_s) if first_s is not None else 0.0
+        # The difference is SQLite's own, so that it is a number whatever stands there
+        ((duration_s,),) = self._rows("SELECT max(arrived_s) - min(arrived_s) FROM messages")
+        return float(duration_s or 0.0)
+
+    def _rows(self, query: str, values: Sequence[Any] = ()) -> Iterator[tuple[Any, ...]]:
+        return self._readable(lambda: self._database.execute(query, values))
+
+    def _readable(self, rows: Callable[[], Iterable[T]]) -> Iterator[T]:
+        try:
+            yield from rows()
+        except sqlite3.Error as error:
+            raise RunDatabaseError(f"{self._file} cannot be read: {error}.") from error
 
 
 def read_messages(

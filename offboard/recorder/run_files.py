@@ -145,7 +145,10 @@ class RunFiles:
 
     def draw(self) -> None:
         """The pictures of the map, from the files."""
-        export_run(self.run_dir, EXPORT_FORMATS)
+        try:
+            export_run(self.run_dir, EXPORT_FORMATS)
+        except run_folder.RunFolderError as error:
+            _log.warning("no picture of the map: %s", error)
 
     def close(self) -> None:
         if self._lines is not None:

@@ -2,24 +2,29 @@
 
 Recorder, simulator and replay write it; evaluation, export, visualizer and command center read it. A file is written
 whole under another name and then renamed, so that a reader never meets half of one; only `trajectory.tum` and
-`truth.tum` grow line by line.
+`truth.tum` grow line by line. Every reader raises RunFolderError for a file that cannot be read, or does not hold what
+it should.
 """
 
 from __future__ import annotations
 
 import errno
 import json
+import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from math import cos, sin
+from math import cos, isfinite, sin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from common.errors import StartError
 from common.geometry import FloatArray, Points
+from common.json_reader import Node, load_json
+from common.text_file import read_text
 
 TRAJECTORY_NAME = "trajectory.tum"  # the poses as they were published at the time
 SMOOTHED_NAME = "trajectory_smoothed.tum"  # the path as it was believed in the end
@@ -33,6 +38,16 @@ MAP_PNG_NAME = "map.png"
 PHOTO_FOLDER = "photos"
 
 MAP_HEADER = "x_m,y_m,inferred"
+MAP_REACH_M = 500.0  # along either axis from the start: what is said to lie farther lies on no floor
+
+_POSE_FORM = "t x y z qx qy qz qw"
+_POI_TEXTS = ("name", "description", "number", "room_type", "state", "photo")
+
+_log = logging.getLogger(__name__)
+
+
+class RunFolderError(StartError):
+    """A file of a run folder does not hold what it should: one sentence with file and place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +124,13 @@ def tum_line(t_s: float, x_m: float, y_m: float, heading_rad: float) -> str:
 
 
 def read_tum(path: Path) -> tuple[FloatArray, FloatArray]:
-    """Times (K,) in seconds and poses (K, 3) as x, y, heading; both empty when the file holds none."""
-    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line and line[0] != "#"]
-    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
+    """Times (K,) in seconds and poses (K, 3) as x, y, heading; both empty when the file holds none.
+
+    A last line without its end is being written, or was when its writer died: it is no pose yet.
+    """
+    lines = read_text(path, str(path), RunFolderError).split("\n")[:-1]
+    rows = [(number, line.split()) for number, line in enumerate(lines, 1) if line and line[0] != "#"]
+    table = _numbers(path, rows, _POSE_FORM)
     heading_rad = 2 * np.arctan2(table[:, 6], table[:, 7])
     return table[:, 0], np.column_stack([table[:, 1:3], heading_rad])
 
@@ -136,9 +155,27 @@ def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferr
 
 def read_map_points(path: Path) -> tuple[Points, npt.NDArray[np.uint8]]:
     """Wall points (N, 2) and their marks (N,)."""
-    rows = [line.split(",")[:3] for line in path.read_text(encoding="utf-8").splitlines()[1:] if line]
-    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
-    return table[:, :2], table[:, 2].astype(np.uint8)
+    header, *lines = read_text(path, str(path), RunFolderError).split("\n")
+    if not header.startswith(MAP_HEADER):
+        raise RunFolderError(f"{path} line 1 must be the header {MAP_HEADER}.")
+    rows = [(number, line.split(",")[:3]) for number, line in enumerate(lines, 2) if line]
+    table = _numbers(path, rows, MAP_HEADER)
+    return table[:, :2], (table[:, 2] != 0).astype(np.uint8)
+
+
+def _numbers(path: Path, rows: Iterable[tuple[int, list[str]]], form: str) -> FloatArray:
+    """(N, columns) of rows of cells with their line number; `form` names the columns as the file parts them."""
+    columns = len(form.replace(",", " ").split())
+    table = []
+    for number, cells in rows:
+        try:
+            values = [float(cell) for cell in cells]
+        except ValueError:
+            values = []
+        if len(values) != columns or not all(map(isfinite, values)):
+            raise RunFolderError(f"{path} line {number} must hold the numbers {form}.")
+        table.append(values)
+    return np.array(table, dtype=np.float64).reshape(-1, columns)
 
 
 def write_json(path: Path, content: object) -> None:
@@ -147,22 +184,55 @@ def write_json(path: Path, content: object) -> None:
 
 
 def read_pois(path: Path) -> list[dict[str, Any]]:
-    """The records of a pois.json, none when there is no such file."""
+    """The records of a pois.json, each with place and texts as they should be; none when there is no such file."""
     if not path.exists():
         return []
-    content = json.loads(path.read_text(encoding="utf-8"))
-    records: Sequence[dict[str, Any]] = content if isinstance(content, list) else content.get("pois", [])
-    return list(records)
+    content = load_json(path, str(path), RunFolderError)
+    if not isinstance(content, list):
+        raise RunFolderError(f"{path} must hold a list of records.")
+    nodes = [Node(record, str(path), RunFolderError, f"[{i}]") for i, record in enumerate(content)]
+    return [record | _checked(poi) for record, poi in zip(content, nodes, strict=True)]
+
+
+def _checked(poi: Node) -> dict[str, Any]:
+    """What readers rely on, of one record."""
+    known: dict[str, Any] = {name: poi.text(name) for name in filter(poi.has, _POI_TEXTS)}
+    if poi.has("poi_id"):
+        known["poi_id"] = poi.whole("poi_id")
+    return known | {name: poi.number(name) for name in ("x_m", "y_m")}
+
+
+def read_path(run_dir: Path) -> tuple[FloatArray, FloatArray]:
+    """Times (K,) and poses (K, 3) of the smoothed trajectory, where there is none of the one as it was published."""
+    # The one of every pose grows without end: it is read only where it is needed
+    for name in (SMOOTHED_NAME, TRAJECTORY_NAME):
+        file = run_dir / name
+        times_s, poses = read_tum(file) if file.exists() else (np.empty(0), np.empty((0, 3)))
+        if len(times_s):
+            near = _on_floor(file, poses[:, :2])
+            return times_s[near], poses[near]
+    return np.empty(0), np.empty((0, 3))
 
 
 def read_map(run_dir: Path) -> MapData:
-    """What the folder knows of the map; the smoothed trajectory where there is one."""
+    """What the folder knows of the map. What lies on no floor is left out, with a warning."""
     points_m, inferred = np.empty((0, 2)), np.empty(0, np.uint8)
-    if (run_dir / MAP_POINTS_NAME).exists():
-        points_m, inferred = read_map_points(run_dir / MAP_POINTS_NAME)
-    trajectory = np.empty((0, 3))
-    # The one of every pose grows without end: it is read only where it is needed
-    for name in (SMOOTHED_NAME, TRAJECTORY_NAME):
-        if not len(trajectory) and (run_dir / name).exists():
-            trajectory = read_tum(run_dir / name)[1]
-    return MapData(points_m, inferred, trajectory, read_pois(run_dir / POIS_NAME))
+    file = run_dir / MAP_POINTS_NAME
+    if file.exists():
+        points_m, inferred = read_map_points(file)
+        near = _on_floor(file, points_m)
+        points_m, inferred = points_m[near], inferred[near]
+    pois = read_pois(run_dir / POIS_NAME)
+    near = _on_floor(run_dir / POIS_NAME, np.array([(poi["x_m"], poi["y_m"]) for poi in pois]).reshape(-1, 2))
+    return MapData(points_m, inferred, read_path(run_dir)[1], [pois[k] for k in np.flatnonzero(near)])
+
+
+def _on_floor(file: Path, places_m: Points) -> npt.NDArray[np.bool_]:
+    """(N,) which of the places (N, 2) in a file lie within MAP_REACH_M."""
+    near = np.asarray(np.abs(places_m).max(axis=1, initial=0.0) <= MAP_REACH_M)
+    if not near.all():
+        _log.warning(
+            "%s: %d of %d places lie more than %g m from the start and are left out.",
+            *(file, np.count_nonzero(~near), len(near), MAP_REACH_M),
+        )
+    return near

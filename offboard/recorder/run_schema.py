@@ -16,6 +16,7 @@ from typing import Any
 
 from common.codec import DecodeError, decode
 from common.database import DatabaseFiles, damaged, transaction
+from common.errors import StartError
 from common.frames import KNOWN_BOOTS, Frame, Known, Losses
 from common.messages import TOPICS, Topic
 
@@ -78,7 +79,7 @@ TOPIC_OF_KEY: Mapping[str, Topic[Any]] = {topic.key: topic for topic in TOPICS}
 _log = logging.getLogger("recorder")
 
 
-class RunDatabaseError(ValueError):
+class RunDatabaseError(StartError):
     """The file is no run database that this program can use: one sentence says why."""
 
 

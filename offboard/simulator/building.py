@@ -14,8 +14,8 @@ import mujoco
 
 from common.constants import CAMERA_HEIGHT_M, HULL_RADIUS_M
 from common.geometry import FloatArray
+from common.json_reader import Colour
 from offboard.simulator.floor import Door
-from offboard.simulator.json_reader import Colour
 
 WALL_HEIGHT_M = 2.5
 CAMERA_NAME = "right"

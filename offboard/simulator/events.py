@@ -18,9 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from common.geometry import FloatArray, Points
+from common.errors import StartError
+from common.geometry import FloatArray
+from common.json_reader import Node, load_json
 from offboard.simulator.floor import Door, Floor, read_ring, wall_segments
-from offboard.simulator.json_reader import Node, is_number, load_json
 from offboard.simulator.polygons import normalised_ring, ring_segments
 
 BARRIER_THICKNESS_M = 0.10
@@ -28,7 +29,7 @@ BARRIER_THICKNESS_M = 0.10
 _OPENING_BEHIND_M, _OPENING_FRONT_M = 0.60, 0.20
 
 
-class EventsError(ValueError):
+class EventsError(StartError):
     """This file is no usable list of events: one sentence names the file, the key and what is wrong with it."""
 
 
@@ -120,16 +121,6 @@ def load_events(path: str | Path, floor: Floor) -> Events:
     )
 
 
-def _points(node: Node, key: str, at_least: int) -> Points:
-    corners = node.items(key)
-    if len(corners) < at_least:
-        raise node.error(key, f"must have at least {at_least} point{'s' if at_least > 1 else ''}")
-    for corner in corners:
-        if not isinstance(corner, list) or len(corner) != 2 or not all(is_number(v) for v in corner):
-            raise node.error(key, "must be a list of points [x, y]")
-    return np.array(corners, dtype=np.float64)
-
-
 def _interval(node: Node) -> tuple[float, float]:
     from_s = node.number("from_s")
     to_s = node.number("to_s") if node.has("to_s") else inf
@@ -140,19 +131,19 @@ def _interval(node: Node) -> tuple[float, float]:
 
 def _person(node: Node) -> Person:
     from_s, to_s = _interval(node)
-    points = _points(node, "waypoints", at_least=1)
+    points = node.points("waypoints", node.value("waypoints"), at_least=1)
     return Person(
         from_s=from_s,
         to_s=to_s,
         speed_m_s=node.length("speed_m_s"),
-        radius_m=node.length("radius_m") if node.has("radius_m") else 0.25,
+        radius_m=node.length("radius_m", at_most=2.0) if node.has("radius_m") else 0.25,
         waypoints=tuple((float(x), float(y)) for x, y in points),
     )
 
 
 def _barrier(node: Node) -> Barrier:
     from_s, to_s = _interval(node)
-    points = _points(node, "line", at_least=2)
+    points = node.points("line", node.value("line"), at_least=2)
     if len(points) != 2 or np.hypot(*(points[1] - points[0])) < BARRIER_THICKNESS_M:
         raise node.error("line", f"must be two points more than {BARRIER_THICKNESS_M} m apart")
     x0, y0, x1, y1 = points.ravel().tolist()

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from common.errors import StartError
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from offboard.simulator.json_reader import Colour, Node, is_number, load_json
+from common.json_reader import Colour, Node, is_number, load_json
 from offboard.simulator.polygons import (
     contains,
     crossings,
@@ -24,6 +25,10 @@ from offboard.simulator.polygons import (
     signed_area_m2,
 )
 
+SIDE_MAX_M = 300.0
+CORNERS_MAX = 1000  # of all rings: each is held against each
+DOOR_MAX_M = 10.0
+SIGN_MIN_M, SIGN_MAX_M = 0.01, 3.0
 OFF_WALL_MAX_M = 0.15
 START_CLEARANCE_M = 0.25
 _SMALLEST_RING_M2 = 1e-4
@@ -31,7 +36,7 @@ _SMALLEST_RING_M2 = 1e-4
 Ring = tuple[tuple[float, float], ...]
 
 
-class FloorError(ValueError):
+class FloorError(StartError):
     """This file is no usable floor: one sentence names the file, the key and what is wrong with it."""
 
 
@@ -112,6 +117,7 @@ def parse_floor(content: Any, source: str) -> Floor:
         read_ring(corridor, f"holes[{i}]", hole, counter_clockwise=False)
         for i, hole in enumerate(corridor.items("holes"))
     ]
+    _check_size(corridor, exterior, holes)
     _check_holes(corridor, exterior, holes)
     floor = Floor(
         name=reader.text("name"),
@@ -133,6 +139,8 @@ def read_ring(node: Node, key: str, value: Any, counter_clockwise: bool) -> Poin
     """A ring in its normal form; raises what the node raises unless it encloses an area and never crosses itself."""
     if not isinstance(value, list):
         raise node.error(key, "must be a list of corners")
+    if len(value) > CORNERS_MAX:
+        raise node.error(key, f"has more than {CORNERS_MAX} corners")
     for corner in value:
         if not isinstance(corner, list) or len(corner) != 2 or not all(is_number(v) for v in corner):
             raise node.error(key, "must be a list of corners [x, y]")
@@ -147,6 +155,14 @@ def read_ring(node: Node, key: str, value: Any, counter_clockwise: bool) -> Poin
     if abs(signed_area_m2(ring)) < _SMALLEST_RING_M2:
         raise node.error(key, open_polygon)
     return ring
+
+
+def _check_size(corridor: Node, exterior: Points, holes: list[Points]) -> None:
+    side_m = float(np.ptp(exterior, axis=0).max())
+    if side_m > SIDE_MAX_M:
+        raise corridor.error("exterior", f"is {side_m:.0f} m long, at most {SIDE_MAX_M:g} m is possible")
+    if len(exterior) + sum(map(len, holes)) > CORNERS_MAX:
+        raise corridor.error("", f"has more than {CORNERS_MAX} corners")
 
 
 def _check_holes(corridor: Node, exterior: Points, holes: list[Points]) -> None:
@@ -166,8 +182,8 @@ def _door(node: Node) -> Door:
         x_m=node.number("x_m"),
         y_m=node.number("y_m"),
         normal_rad=wrap_angle(radians(node.number("normal_deg"))),
-        width_m=node.length("width_m"),
-        height_m=node.length("height_m"),
+        width_m=node.length("width_m", at_most=DOOR_MAX_M),
+        height_m=node.length("height_m", at_most=DOOR_MAX_M),
         colour_rgb=node.colour("colour_rgb"),
         number=node.text("number"),
         room_type=node.text("room_type"),
@@ -176,9 +192,9 @@ def _door(node: Node) -> Door:
             y_m=plate.number("y_m"),
             on_door=plate.flag("on_door"),
             centre_height_m=plate.length("centre_height_m"),
-            width_m=plate.length("width_m"),
-            height_m=plate.length("height_m"),
-            number_height_m=plate.length("number_height_m"),
+            width_m=plate.length("width_m", SIGN_MIN_M, SIGN_MAX_M),
+            height_m=plate.length("height_m", SIGN_MIN_M, SIGN_MAX_M),
+            number_height_m=plate.length("number_height_m", at_most=SIGN_MAX_M),
             style=plate.text("style"),
         ),
     )
@@ -189,8 +205,8 @@ def _poster(node: Node) -> Poster:
         x_m=node.number("x_m"),
         y_m=node.number("y_m"),
         normal_rad=wrap_angle(radians(node.number("normal_deg"))),
-        width_m=node.length("width_m"),
-        height_m=node.length("height_m"),
+        width_m=node.length("width_m", SIGN_MIN_M, SIGN_MAX_M),
+        height_m=node.length("height_m", SIGN_MIN_M, SIGN_MAX_M),
         centre_height_m=node.length("centre_height_m"),
         text=node.text("text"),
     )

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from common.errors import StartError
+from common.json_reader import load_json
 from offboard.recorder.run_folder import TRAJECTORY_NAME
 from offboard.simulator.errors import PROFILES
-from offboard.simulator.events import Events, EventsError, load_events
+from offboard.simulator.events import Events, load_events
 from offboard.simulator.floor import Floor, FloorError, load_floor
 
 FLOORS = Path(__file__).with_name("floors")
@@ -60,11 +60,8 @@ def floor_path(asked: str) -> Path:
 
 def load_world(options: RunOptions) -> tuple[Floor, Events]:
     """Floor and events, all of the options checked against them; raises StartError with one sentence."""
-    try:
-        floor = load_floor(options.floor)
-        events = load_events(options.events, floor) if options.events is not None else Events()
-    except (FloorError, EventsError, OSError) as error:
-        raise StartError(str(error)) from error
+    floor = load_floor(options.floor)
+    events = load_events(options.events, floor) if options.events is not None else Events()
     if not 0 <= options.start < len(floor.starts):
         raise StartError(f"Floor {floor.name} has the starts 0 to {len(floor.starts) - 1}, not {options.start}.")
     if options.errors not in PROFILES:
@@ -77,8 +74,8 @@ def load_world(options: RunOptions) -> tuple[Floor, Events]:
 
 
 def floor_json(options: RunOptions) -> dict[str, Any]:
-    """The floor file as it stands, for the evaluation."""
-    content: dict[str, Any] = json.loads(options.floor.read_text(encoding="utf-8"))
+    """The floor file as it stands, for the evaluation; raises FloorError."""
+    content: dict[str, Any] = load_json(options.floor, f"floor file {options.floor}", FloorError)
     return content
 
 

@@ -8,10 +8,10 @@ from math import atan, cos, degrees, radians, sin, tan
 from PIL import Image
 
 from common.constants import CAMERA_FIELD_OF_VIEW_RAD
+from common.json_reader import Colour
 from offboard.simulator.building import WALL_HEIGHT_M, Scenery
 from offboard.simulator.errors import random_stream
 from offboard.simulator.floor import Door, Floor, Poster
-from offboard.simulator.json_reader import Colour
 from offboard.simulator.sign_textures import draw_plate, draw_poster, with_glare
 from onboard.poi.frame import FULL_SIZE_PX
 

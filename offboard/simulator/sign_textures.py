@@ -7,8 +7,8 @@ from random import Random
 
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
+from common.json_reader import Colour
 from offboard.simulator.floor import Plate, Poster
-from offboard.simulator.json_reader import Colour
 
 PLATE_PX_PER_M = 1600.0  # a little finer than the camera sees it from 1 m
 POSTER_PX_PER_M = 1000.0

@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from common.constants import CAMERA_FIELD_OF_VIEW_RAD, CAMERA_INCIDENCE_MAX_RAD, CAMERA_RANGE_M, HULL_RADIUS_M
 from common.geometry import FloatArray, Points, Pose2, rigid_fit, wrap_angle, wrap_angles
+from common.json_reader import Node
 from offboard.recorder.run_folder import TRAJECTORY_NAME, TRUTH_NAME, read_map, read_tum
 from offboard.tools.free_space import FreeSpace, Mask, wall_samples
 
@@ -154,13 +155,15 @@ def along(line: Points, first_m: float, step_m: float) -> Points:
     return np.column_stack([np.interp(stations_m, travelled_m, line[:, axis]) for axis in (0, 1)])
 
 
-def hall_figures(halls: dict[str, Any], truth: FloatArray, path_m: float, space: FreeSpace) -> Figures:
+def hall_figures(halls: Node, truth: FloatArray, path_m: float, space: FreeSpace) -> Figures:
     """Share of the centrelines that the true path passed, and its length over twice theirs."""
-    lines = [np.array(line, dtype=np.float64) for line in halls["centrelines"]]
-    stations = np.concatenate([along(line, HALL_STEP_M / 2, HALL_STEP_M) for line in lines])
+    lines = [halls.points("centrelines", line, at_least=2) for line in halls.items("centrelines")]
+    stations = np.concatenate([np.empty((0, 2)), *(along(line, HALL_STEP_M / 2, HALL_STEP_M) for line in lines)])
+    if not len(stations):
+        raise halls.error("centrelines", "must have a length")
     reach_m = np.maximum(HALL_REACH_MIN_M, space.wall_distance_m(stations) - HALL_MARGIN_M)
     passed = cKDTree(truth[:, :2]).query(stations)[0] <= reach_m
-    return {"halls": float(passed.mean()), "ratio": path_m / (2 * halls["length_m"])}
+    return {"halls": float(passed.mean()), "ratio": path_m / (2 * halls.length("length_m"))}
 
 
 def _letters(text: object) -> str:
@@ -223,9 +226,11 @@ def evaluate(floor_json: dict[str, Any], run_dir: Path) -> Figures:
     figures |= errors | map_figures(fit.transform(recorded.points_m), walls)
     figures["imaged"] = imaged_share(truth.poses, walls, normals, space)
     figures["wall_rule"] = wall_rule_share(truth, space)
-    if "halls" in floor_json:
-        figures |= hall_figures(floor_json["halls"], truth.poses, figures["path_m"], space)
-    if "imageable" in floor_json:
-        figures["imaged_of_possible"] = figures["imaged"] / floor_json["imageable"]["wall_share"]
-        figures["doors_imageable"] = sum(floor_json["imageable"]["plates"])
+    floor = Node(floor_json, "floor file", EvaluationError)
+    if floor.has("halls"):
+        figures |= hall_figures(floor.child("halls"), truth.poses, figures["path_m"], space)
+    if floor.has("imageable"):
+        imageable = floor.child("imageable")
+        figures["imaged_of_possible"] = figures["imaged"] / imageable.length("wall_share")
+        figures["doors_imageable"] = sum(map(bool, imageable.items("plates")))
     return figures | poi_figures(floor_json, recorded.pois, fit.transform(_positions(recorded.pois)))

@@ -21,6 +21,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
+from common.errors import StartError
 from common.geometry import FloatArray, Points
 from offboard.recorder.run_folder import MAP_PNG_NAME, MAP_SVG_NAME, MapData, read_map, write_atomically
 from offboard.tools.map_frame import frame
@@ -39,8 +40,8 @@ WALL, INFERRED, TRAIL, START, POI, TEXT = "#1f2933", "#9aa5b1", "#5b9bd5", "#2f8
 WALL_M, THIN_LINE_M, TRAIL_M, START_M, ASTERISK_M, TEXT_M = 0.11, 0.03, 0.06, 0.22, 0.24, 0.55
 
 
-class ExportError(ValueError):
-    """The picture cannot be made: one sentence says why."""
+class ExportError(StartError):
+    """The run cannot be exported as asked: one sentence says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,13 +254,13 @@ FORMATS = tuple(_WRITERS)
 def export_run(run_dir: Path, formats: Sequence[str] = FORMATS, to: Path | None = None) -> list[Path]:
     """Write the map of a run in these formats into `to` (its own folder unless given); returns the files.
 
-    Raises ExportError for a format that is not known or a folder that holds no run.
+    Raises ExportError for a format that is not known or a folder that holds no run, RunFolderError, OSError.
     """
     unknown = [name for name in formats if name not in _WRITERS]
     if unknown:
-        raise ExportError(f"no export format '{unknown[0]}'; choose from {', '.join(FORMATS)}")
+        raise ExportError(f"There is no export format '{unknown[0]}'; choose from {', '.join(FORMATS)}")
     if not run_dir.is_dir():
-        raise ExportError(f"no run folder at {run_dir}; `indoor-mapping runs` lists them")
+        raise ExportError(f"There is no run folder at {run_dir}; `indoor-mapping runs` lists them")
     data = read_map(run_dir)
     folder = to or run_dir
     folder.mkdir(parents=True, exist_ok=True)

@@ -17,10 +17,8 @@ from common.messages import RANGES
 from offboard.recorder.run_database import RunReader
 from offboard.recorder.run_folder import (
     DATABASE_NAME,
-    SMOOTHED_NAME,
-    TRAJECTORY_NAME,
     read_map,
-    read_tum,
+    read_path,
 )
 
 CELL_M = 0.05
@@ -44,7 +42,7 @@ class OccupancyImage:
     def pgm(self) -> bytes:
         """A binary PGM file (P5)."""
         rows, columns = self.cells.shape
-        return f"P5\n{columns} {rows}\n255\n".encode() + self.cells.tobytes()
+        return b"".join((f"P5\n{columns} {rows}\n255\n".encode(), self.cells.data))
 
     def yaml(self, image_name: str) -> str:
         """What a ROS map server reads beside the image."""
@@ -89,23 +87,21 @@ def occupancy_image(walls_m: Points, driven_m: Points, seen_m: Points) -> Occupa
     for points_m, value, needed in ((seen_m, FREE, PASSED_MIN), (hull_m, FREE, 1), (walls_m, OCCUPIED, 1)):
         column, row = np.floor((points_m - low) / CELL_M).astype(np.int64).T
         inside = (column >= 0) & (row >= 0) & (column < size[0]) & (row < size[1])
-        count = np.bincount(row[inside] * size[0] + column[inside], minlength=cells.size)
-        cells[count.reshape(cells.shape) >= needed] = value
-    return OccupancyImage(np.ascontiguousarray(cells[::-1]), float(low[0]), float(low[1]))
+        # Counted by the cells that are met, so that memory grows with the points and not with the map
+        place, count = np.unique((size[1] - 1 - row[inside]) * size[0] + column[inside], return_counts=True)
+        cells.flat[place[count >= needed]] = value
+    return OccupancyImage(cells, float(low[0]), float(low[1]))
 
 
 def image_of_run(run_dir: Path) -> OccupancyImage:
     """From the files of the folder, and the ranges where there is a database."""
     data = read_map(run_dir)
-    times_s, poses = np.empty(0), np.empty((0, 3))
-    for name in (TRAJECTORY_NAME, SMOOTHED_NAME):
-        if (run_dir / name).exists():
-            found = read_tum(run_dir / name)
-            times_s, poses = found if len(found[0]) else (times_s, poses)
+    times_s, poses = read_path(run_dir)
     ranges_s, ranges_m = np.empty(0), np.empty((0, len(SONAR_BEARINGS_RAD)))
     if (run_dir / DATABASE_NAME).exists():
         with RunReader(run_dir) as run:
-            rows = [(m.payload.t_s, *m.payload.range_m) for m in run.messages(RANGES) if m.payload.valid]
+            frames = [m.payload for m in run.messages(RANGES) if m.payload.valid]
+        rows = [(frame.t_s, *frame.range_m) for frame in frames if len(frame.range_m) == len(SONAR_BEARINGS_RAD)]
         table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(SONAR_BEARINGS_RAD))
         ranges_s, ranges_m = table[:, 0], table[:, 1:]
     return occupancy_image(data.points_m, poses[:, :2], sightlines(times_s, poses, ranges_s, ranges_m))

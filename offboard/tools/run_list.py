@@ -2,60 +2,93 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
-from contextlib import suppress
-from dataclasses import dataclass
-from datetime import datetime
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
+from common.errors import SENTENCE_MAX, StartError, sentence
+from common.json_reader import Node, load_json
 from common.messages import PLAN
+from common.plain_text import plain
 from offboard.recorder.run_database import RunReader
-from offboard.recorder.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
-from offboard.recorder.run_schema import RunDatabaseError
+from offboard.recorder.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
 
+_NEWEST_S = datetime(9999, 1, 1, tzinfo=UTC).timestamp()  # some file systems know later times than Python
 FIGURES = ("coverage", "map_rmse_m", "home_m", "ate_fit_m")
 
 
 @dataclass(frozen=True, slots=True)
 class RunLine:
-    """A run as `runs` lists it; `figures` those of FIGURES that its summary has."""
+    """A run as `runs` lists it; `figures` those of FIGURES that its summary has, `damage` a sentence per bad file."""
 
     folder: Path
     date: datetime
-    floor: str
-    duration_s: float
-    finished: bool | None  # None: nobody says
-    figures: dict[str, float]
+    floor: str = ""
+    duration_s: float | None = None
+    finished: bool | None = None  # None: nobody says
+    figures: dict[str, float] = field(default_factory=dict)
+    damage: tuple[str, ...] = ()
 
     def as_text(self) -> str:
         ended = {True: "finished", False: "not finished", None: "unknown end"}[self.finished]
-        parts = [f"{self.date:%Y-%m-%d %H:%M}", f"{self.floor or '-':<10}", f"{self.duration_s:6.0f} s", ended]
+        parts = [f"{self.date:%Y-%m-%d %H:%M}", self.floor or "-", f"{self.duration_s or 0.0:.0f} s", ended]
         parts += [f"{name} {value:.3f}" for name, value in self.figures.items()]
-        return f"{self.folder}  {', '.join(part.strip() for part in parts)}"
+        return plain(". DAMAGED: ".join([f"{self.folder}  {', '.join(parts)}", *self.damage]), SENTENCE_MAX)
+
+
+def _with_change_time(line: RunLine) -> RunLine:
+    changed_s = min(max(line.folder.stat().st_mtime, 0.0), _NEWEST_S)
+    return replace(line, date=datetime.fromtimestamp(changed_s, UTC).astimezone())
+
+
+def _with_summary(line: RunLine) -> RunLine:
+    file = line.folder / SUMMARY_NAME
+    if not file.exists():
+        return line
+    summary = Node(load_json(file, str(file), RunFolderError), str(file), RunFolderError)
+    return replace(
+        line,
+        floor=summary.text("floor"),
+        duration_s=summary.number("simulated_time_s"),
+        finished=summary.flag("finished"),
+        figures={name: summary.number(name) for name in filter(summary.has, FIGURES)},
+    )
+
+
+def _with_database(line: RunLine) -> RunLine:
+    if not (line.folder / DATABASE_NAME).exists():
+        return line
+    with RunReader(line.folder) as run:
+        dates = run.dates()
+        line = replace(line, date=dates[0] if dates else line.date)
+        if line.duration_s is None:
+            view = run.latest(PLAN)
+            finished = view.payload.finished if view is not None else None
+            line = replace(line, duration_s=run.duration_s(), finished=finished)
+    return line
 
 
 def read_run(folder: Path) -> RunLine:
-    """From the summary where there is one, else from the database."""
-    summary: dict[str, Any] = {}
-    with suppress(OSError, ValueError):
-        summary = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
-    date = datetime.fromtimestamp(folder.stat().st_mtime).astimezone()
-    duration_s: float = summary.get("simulated_time_s", 0.0)
-    finished: bool | None = summary.get("finished")
-    with suppress(RunDatabaseError), RunReader(folder) as run:
-        dates = run.dates()
-        date = datetime.fromisoformat(dates[0]) if dates else date
-        if not summary:
-            view = run.latest(PLAN)
-            duration_s, finished = run.duration_s(), view.payload.finished if view is not None else None
-    figures = {name: float(summary[name]) for name in FIGURES if isinstance(summary.get(name), float)}
-    return RunLine(folder, date, str(summary.get("floor", "")), duration_s, finished, figures)
+    """From the summary where there is one, else from the database; what is damaged is told beside the rest."""
+    line = RunLine(folder, datetime.fromtimestamp(0, UTC))
+    for read in (_with_change_time, _with_summary, _with_database):
+        try:
+            line = read(line)
+        except (StartError, OSError) as error:
+            line = replace(line, damage=(*line.damage, sentence(error)))
+    return line
+
+
+def _holds_run(folder: Path) -> bool:
+    """Also where nobody may look inside: its reading says so."""
+    try:
+        return folder.is_dir() and any((folder / name).exists() for name in (DATABASE_NAME, TRAJECTORY_NAME))
+    except OSError:
+        return True
 
 
 def find_runs(roots: Iterable[Path]) -> list[RunLine]:
-    """Every run in these folders or one level below, oldest first."""
-    folders = {f for root in roots if root.is_dir() for f in (root, *root.iterdir()) if f.is_dir()}
-    runs = [f for f in folders if any((f / name).exists() for name in (DATABASE_NAME, TRAJECTORY_NAME))]
-    return sorted(map(read_run, runs), key=lambda run: (run.date, run.folder))
+    """Every run in these folders or one level below, oldest first; raises OSError for a folder nobody may look into."""
+    folders = {f for root in roots if root.is_dir() for f in (root, *root.iterdir())}
+    return sorted(map(read_run, filter(_holds_run, folders)), key=lambda run: (run.date, run.folder))

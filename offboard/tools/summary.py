@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from offboard.recorder.run_folder import SUMMARY_NAME, write_json
+from offboard.recorder.run_folder import SUMMARY_NAME, RunFolderError, write_json
 from offboard.tools.evaluate import EvaluationError, evaluate
 
 WALL_TIME_KEYS = ("wall_time_s", "steps")
@@ -59,7 +59,7 @@ def write_summary(run_dir: Path, facts: RunFacts, floor_json: dict[str, Any] | N
     if floor_json is not None:
         try:
             summary |= evaluate(floor_json, run_dir)
-        except EvaluationError as error:
+        except (EvaluationError, RunFolderError) as error:
             _log.warning("%s", error)
             summary["not_evaluated"] = str(error)
     write_json(run_dir / SUMMARY_NAME, summary)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from common.messages import PointOfInterest
-from offboard.recorder.run_folder import POIS_NAME, read_pois
+from offboard.recorder.run_folder import POIS_NAME, RunFolderError, read_pois
 
 _log = logging.getLogger("visualizer")
 
@@ -81,7 +81,7 @@ class RunFolderPois:
             records = [_record(entry) for entry in entries]
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, RunFolderError, ValueError, KeyError, TypeError) as error:
             if self._readable:
                 _log.warning("points of interest unreadable file=%s error=%r", file, error)
             self._readable = False

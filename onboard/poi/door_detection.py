@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from common.constants import CAMERA_HEIGHT_M
-from common.errors import StartError
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.frame import Image
 from onboard.poi.sign_placement import WallLine
@@ -34,7 +33,6 @@ SOLID_M = 0.035  # a side of an edge that is narrower is noise
 TRACKING = 0.3  # how fast the wall's colour follows
 LOST_M = 1.6  # nothing but "door" for longer than any door is wide: it is the wall
 BRIGHT_SHARE = 0.25
-_BOX = re.compile(r"^H(\d+)-(\d+) S(\d+)-(\d+) V(\d+)-(\d+)$")
 
 
 class Side(Enum):
@@ -59,11 +57,8 @@ class ColourBox:
 
     @classmethod
     def parse(cls, text: str) -> ColourBox:
-        """From the form of robot.toml, `H8-22 S60-255 V30-230`; raises StartError."""
-        match = _BOX.match(text)
-        if match is None:
-            raise StartError(f"poi.door_colours must hold boxes like 'H8-22 S60-255 V30-230', not {text!r}.")
-        h0, h1, s0, s1, v0, v1 = map(int, match.groups())
+        """From the form of robot.toml, `H8-22 S60-255 V30-230`; the configuration holds no other."""
+        h0, h1, s0, s1, v0, v1 = map(int, re.findall(r"\d+", text))
         return cls((h0, s0, v0), (h1, s1, v1))
 
     def __str__(self) -> str:

@@ -7,7 +7,7 @@ somebody else serves frames. All but the first two are for machines without a ca
 
 from __future__ import annotations
 
-import json
+import re
 from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,10 +16,13 @@ import cv2
 import numpy as np
 
 from common.errors import StartError
+from common.json_reader import Node, load_json
 from onboard.poi.frame import FULL_SIZE_PX, PREVIEW_PERIOD_S, PREVIEW_SIZE_PX, Frame, Image
 from onboard.poi.frame_socket import SocketFrames
 
 EXPOSURE_US = 15_000  # at 0.16 m/s a plate's stroke moves by 2.4 mm meanwhile
+PHOTO_SIDE_MIN_PX = 32
+_JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp")
 _ROUNDING_S = 1e-6  # of clocks that add up steps
 
@@ -158,7 +161,7 @@ def open_source(uri: str) -> FrameSource:
         return PiCameraFrames()
     if uri.startswith("unix:"):
         return SocketFrames(Path(uri.removeprefix("unix:")))
-    if uri.isdigit():
+    if re.fullmatch("[0-9]{1,3}", uri):
         return VideoFrames(int(uri))
     if uri.startswith("/dev/"):
         return VideoFrames(uri)
@@ -167,17 +170,25 @@ def open_source(uri: str) -> FrameSource:
 
 def photo_files(path: Path) -> list[Path]:
     """The file, or the photos in a folder by name; raises StartError where there is none."""
-    files = sorted(f for f in path.iterdir() if f.suffix.lower() in SUFFIXES) if path.is_dir() else [path]
-    if not files or not files[0].is_file():
+    named = [f for f in sorted(path.iterdir()) if f.suffix.lower() in SUFFIXES] if path.is_dir() else [path]
+    files = [file for file in named if file.is_file()]
+    if not files:
         raise StartError(f"There is no photo at {path}; photos end in {', '.join(SUFFIXES)}.")
     return files
 
 
 def read_photo(file: Path) -> Image:
-    """A photo; raises StartError when it is none."""
-    image = cv2.imread(str(file), cv2.IMREAD_COLOR)
-    if image is None:
-        raise StartError(f"{file} is no picture that can be read; give a JPEG or PNG file.")
+    """A photo; raises StartError when it is none, or not all of one, OSError."""
+    data = file.read_bytes()
+    # Of half a JPEG the decoder makes the rest up. Some cameras write more behind the mark of its end
+    if data.startswith(_JPEG_BEGIN) and _JPEG_END not in data[len(data) // 2 :]:
+        raise StartError(f"{file} is only a part of a picture; copy it again.")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # empty, or larger than OpenCV takes
+        image = None
+    if image is None or min(image.shape[:2]) < PHOTO_SIDE_MIN_PX:
+        raise StartError(f"{file} is no picture that can be read; give a JPEG or PNG file of the camera.")
     return np.asarray(image, dtype=np.uint8)
 
 
@@ -186,8 +197,5 @@ def pose_sidecar(file: Path) -> dict[str, float]:
     sidecar = file.with_suffix(".json")
     if not sidecar.is_file():
         return {}
-    try:
-        content = json.loads(sidecar.read_text(encoding="utf-8"))
-        return {key: float(content[key]) for key in ("x_m", "y_m", "heading_rad", "wall_m")}
-    except (ValueError, TypeError, KeyError) as error:
-        raise StartError(f"{sidecar} must hold the numbers x_m, y_m, heading_rad and wall_m: {error}.") from error
+    told = Node(load_json(sidecar, str(sidecar), StartError), str(sidecar), StartError)
+    return {key: told.number(key) for key in ("x_m", "y_m", "heading_rad")} | {"wall_m": told.length("wall_m")}

@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import hypot, radians
 from re import compile as regular_expression
-from re import error as PatternError
 
 from common.bus import Bus
 from common.config import PoiSection
-from common.errors import ErrorCode, StartError
+from common.errors import ErrorCode
 from common.geometry import Pose2
 from common.messages import PERMIT, POI, RETAKE, PointOfInterest, PoiRequest
 from common.status import StatusReporter
@@ -40,11 +39,8 @@ DOOR, NAME_TAG = "Door", "Name Tag"
 
 
 def sign_rules(section: PoiSection) -> SignRules:
-    """The site's rules; raises StartError."""
-    try:
-        return SignRules(regular_expression(section.number_pattern), section.room_types)
-    except PatternError as error:
-        raise StartError(f"poi.number_pattern is no regular expression: {error}.") from error
+    """The site's rules."""
+    return SignRules(regular_expression(section.number_pattern), section.room_types)
 
 
 def reader_of(section: PoiSection) -> Read:

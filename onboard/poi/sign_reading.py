@@ -30,6 +30,7 @@ NEIGHBOUR_GAP = 1.6  # between lines of one sign, in heights of the higher one
 OPEN_GAP = 1.0  # to the border of the picture, in heights: enough to see that there is no neighbour
 SECONDARY = 0.8  # other lines of a plate are lower than this share of its number
 TYPE_LIKENESS = 0.75
+NUMBER_LETTERS_MAX = 12  # no room number has more, and a site's own pattern may take time that doubles with each
 # What OCR takes for one another: where the format wants a digit, and only there
 _DIGIT_FOR = str.maketrans({"O": "0", "Q": "0", "D": "0", "I": "1", "L": "1", "|": "1", "Z": "2", "S": "5", "B": "8"})
 _SEPARATORS = re.compile(r"[\s.\-·:_]")
@@ -189,6 +190,8 @@ class SignRules:
         if re.search(r"\d\s*[-–~/]\s*\d", plain) or ":" in plain:
             return ""  # a range, a date or a time
         plain = _SEPARATORS.sub("", plain)
+        if len(plain) > NUMBER_LETTERS_MAX:
+            return ""
         if self.number.fullmatch(plain):
             return plain
         if not any(c.isdigit() for c in plain):

@@ -23,6 +23,7 @@ from common.config import config_text
 from common.messages import MAP, ROBOT_RECORDED, MapUpdate
 from offboard.recorder.map_assembly import MapAssembly
 from offboard.recorder.run_database import RunReader
+from offboard.recorder.run_schema import RunDatabaseError
 from tests.system.conftest import Mesh, until
 
 TALKER = Path(__file__).with_name("talker.py")
@@ -109,7 +110,7 @@ class Recording:
         try:
             with RunReader(self.run_dir) as run:
                 return sum(run.counts().values())
-        except (ValueError, sqlite3.Error):
+        except RunDatabaseError:
             return 0
 
     def more(self, count: int) -> Callable[[], bool]:

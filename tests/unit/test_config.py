@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 from hypothesis import given
@@ -48,6 +50,25 @@ def test_values_are_read_and_integers_serve_as_numbers() -> None:
         ('[mesh]\nrobot = "tls/robot"\nkeys = "k"', 'must be "tls/HOST:PORT"'),
         ('[mesh]\nlisten = "tls/0.0.0.0:7449"', "mesh.listen needs mesh.keys"),
         ("[robot", "r.toml is no valid TOML"),
+        ("[" * 5000, "r.toml is no valid TOML"),
+        (f"[bridge]\nbaud = {'9' * 5000}", "r.toml is no valid TOML"),
+        (f"[wheels]\ntrack_m = {'9' * 400}", "wheels.track_m must be between 0.01 and 2"),
+        (f"[bridge]\nbaud = 0x{'f' * 5000}", "bridge.baud must be between 1 and 10000000"),
+        ("[wheels]\ndiameter_m = nan", "wheels.diameter_m must be between"),
+        ("[sonars]\nbearings_deg = [0, 1, inf, 2, 3]", "sonars.bearings_deg[2] must be between -180 and 180"),
+        ("[comm]\noutbox_limit_mb = 0", "comm.outbox_limit_mb must be between 1 and"),
+        ("[planner]\nclearance_m = -1", "planner.clearance_m must be between"),
+        ('[bridge]\nserial_port = "a\\u0000b"', "bridge.serial_port must be one line of at most 1000 characters"),
+        (f'[mesh]\nkeys = "{"x" * 2000}"', "mesh.keys must be one line of at most 1000 characters"),
+        ('[mesh]\nrouter = "udp"', 'mesh.router must be "tcp/HOST:PORT"'),
+        (f'[visualizer]\nhost = "{"x" * 64}"', "visualizer.host must be a name or an address"),
+        ('[poi]\nnumber_pattern = "([0-9]"', "poi.number_pattern is no regular expression: missing )"),
+        ('[poi]\nnumber_pattern = "a{99999999999}"', "poi.number_pattern is no regular expression"),
+        (f'[poi]\nnumber_pattern = "{"(" * 150}"', "poi.number_pattern is no regular expression"),
+        ('[poi]\nnumber_pattern = "[[a]"', "poi.number_pattern is no regular expression: Possible nested set"),
+        (f'[poi]\nnumber_pattern = "{"a" * 201}"', "must be a regular expression of at most 200 characters"),
+        ('[poi]\ndoor_colours = ["brown"]', "poi.door_colours[0] must be like 'H8-22 S60-255 V30-230', not 'brown'"),
+        ("[wheels]\ntrack_m = 2026-01-01", "wheels.track_m must be a number"),
     ],
 )
 def test_a_mistake_is_named_in_one_sentence(text: str, said: str) -> None:
@@ -55,6 +76,19 @@ def test_a_mistake_is_named_in_one_sentence(text: str, said: str) -> None:
         parse_config(text, "r.toml")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_every_number_of_the_configuration_has_limits() -> None:
+    for section in get_type_hints(Config).values():
+        for name, hint in get_type_hints(section, include_extras=True).items():
+            if "float" in str(hint) or "int" in str(hint):
+                assert "Between(low=" in str(hint), f"{section.__name__}.{name}"
+
+
+def test_a_pipe_is_no_configuration(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "robot.toml")
+    with pytest.raises(ConfigError, match=r"robot\.toml cannot be read: it is no file"):
+        load_config(tmp_path / "robot.toml")
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:

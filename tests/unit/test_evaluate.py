@@ -188,3 +188,20 @@ def test_summaries_of_one_seed_differ_in_wall_time_only(tmp_path: Path) -> None:
 def test_summary_of_a_run_that_cannot_be_judged_says_why(tmp_path: Path) -> None:
     summary = write_summary(tmp_path, facts(1.0), FLOOR)
     assert "trajectory.tum is missing" in summary["not_evaluated"]
+
+
+@pytest.mark.parametrize(
+    ("damaged", "said"),
+    [
+        ({"halls": {}}, "key 'halls.centrelines' is missing"),
+        ({"halls": {"centrelines": [[[1, 1]]], "length_m": 1}}, "key 'halls.centrelines' must have at least 2 points"),
+        ({"halls": {"centrelines": [], "length_m": 1}}, "key 'halls.centrelines' must have a length"),
+        ({"halls": FLOOR["halls"] | {"length_m": 0}}, "key 'halls.length_m' must be greater than 0"),
+        ({"imageable": {"wall_share": "all", "plates": []}}, "key 'imageable.wall_share' must be a number"),
+    ],
+)
+def test_floor_whose_keys_for_scoring_are_damaged_costs_the_figures_and_not_the_summary(
+    damaged: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    write_run(tmp_path, drive(), both_walls(), [])
+    assert said in write_summary(tmp_path, facts(1.0), FLOOR | damaged)["not_evaluated"]

@@ -130,6 +130,11 @@ BAD: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     (change("starts", 0, "y_m", to=0.2), "starts[0]", "from a wall"),
     (change("starts", 0, "x_m", to=True), "starts[0].x_m", "number"),
     (change("starts", 0, "heading_deg", to=10**400), "starts[0].heading_deg", "number"),
+    (change("corridor", "exterior", to=[[0, 0], [301, 0], [301, 6], [0, 6]]), "corridor.exterior", "301 m long"),
+    (change("corridor", "exterior", to=[[k, 0] for k in range(1001)]), "corridor.exterior", "more than 1000 corners"),
+    (change("corridor", "holes", to=[[[2, 2], [6, 2], [6, 4]]] * 400), "corridor", "more than 1000 corners"),
+    (change("doors", 0, "plate", "width_m", to=1e4), "doors[0].plate.width_m", "at most 3"),
+    (change("posters", 0, "height_m", to=1e-9), "posters[0].height_m", "greater than 0.01"),
 ]
 
 

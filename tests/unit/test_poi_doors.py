@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.errors import StartError
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.door_detection import ColourBox, DoorDetector, DoorEdge, Side, calibrated_box, door_edges
 from onboard.poi.door_records import DoorRecords
@@ -72,11 +71,6 @@ def test_box_of_red_doors_wraps_the_hue() -> None:
     box = calibrated_box(red)
     assert box.low[0] > box.high[0]
     assert box.holds(np.array([[[178, 220, 200], [90, 220, 200]]], np.uint8)).tolist() == [[True, False]]
-
-
-def test_box_that_is_none_is_refused_with_a_sentence() -> None:
-    with pytest.raises(StartError, match="must hold boxes like"):
-        ColourBox.parse("brown")
 
 
 def test_specks_are_no_doors() -> None:

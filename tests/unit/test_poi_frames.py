@@ -266,6 +266,14 @@ def test_calibrate_camera_measures_the_field_of_view(tmp_path: Path) -> None:
     assert load_config(config).poi.field_of_view_deg == pytest.approx(true_deg, abs=1.0)
 
 
+def test_half_a_jpeg_is_no_photo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    photo, config = tmp_path / "door.jpg", tmp_path / "robot.toml"
+    photo.write_bytes(cv2.imencode(".jpg", chessboard_view(focal_px=900.0))[1].tobytes()[:-5000])
+    assert main(["calibrate", "doors", str(photo), "--config", str(config)]) == 2
+    assert "door.jpg is only a part of a picture" in capsys.readouterr().err
+    assert not config.exists()
+
+
 def test_calibrating_without_a_board_says_what_to_do() -> None:
     with pytest.raises(StartError, match="No photo shows a chessboard"):
         field_of_view_deg([np.full((480, 640, 3), 200, np.uint8)], 9, 6)

@@ -77,6 +77,13 @@ def test_number_takes_its_normal_form(text: str, number: str) -> None:
     assert RULES.room_number(text) == number
 
 
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("pattern", ["(A+)+!", "((A+)+)+!", "(A|AA)+!", "(A*)*(A*)*!"])
+def test_pattern_whose_time_doubles_with_every_letter_does_not_hold_up_the_reading(pattern: str) -> None:
+    rules = SignRules(re.compile(pattern), ())
+    assert [rules.room_number("A" * length) for length in (11, 12, 13, 300)] == [""] * 4
+
+
 @pytest.mark.parametrize(
     ("text", "kind"), [("Labratory", "Laboratory"), ("MEETING ROOM", "Meeting Room"), ("Open", "")]
 )

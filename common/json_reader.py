@@ -1,6 +1,6 @@
 """Reads values out of a JSON document and complains, in one sentence, about what is not as it must be.
 
-Serves `floor.py` and `events.py`, whose files people write by hand.
+Serves what people write by hand (floors, events, the pose of a photo) and what a run folder holds.
 """
 
 from __future__ import annotations
@@ -9,16 +9,22 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from common.geometry import Points
+from common.plain_text import plain
+from common.text_file import read_text
+
 Colour = tuple[int, int, int]
+TEXT_MAX = 1000  # characters
 _LARGEST = 1e6
 
 
 def load_json(path: Path, source: str, error_type: type[Exception]) -> Any:
     """The document in a file; raises `error_type` when it cannot be read or is no JSON."""
+    text = read_text(path, source, error_type, "JSON")
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise error_type(f"{source} cannot be read: {error.strerror or error}") from error
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise error_type(f"{source} is not JSON: {error}") from error
 
@@ -61,6 +67,15 @@ class Node:
             raise self.error(key, "must be a list")
         return value
 
+    def points(self, key: str, value: Any, at_least: int) -> Points:
+        """(N, 2) of a value that stands at a key."""
+        if not isinstance(value, list) or len(value) < at_least:
+            raise self.error(key, f"must have at least {at_least} point{'s' if at_least > 1 else ''}")
+        for point in value:
+            if not isinstance(point, list) or len(point) != 2 or not all(map(is_number, point)):
+                raise self.error(key, "must be a list of points [x, y]")
+        return np.array(value, dtype=np.float64)
+
     def children(self, key: str) -> list[Node]:
         return [
             Node(item, self._source, self._error_type, f"{self._path(key)}[{i}]")
@@ -68,7 +83,8 @@ class Node:
         ]
 
     def has(self, key: str) -> bool:
-        return key in self._content
+        """Is there a value? null is none."""
+        return self._content.get(key) is not None
 
     def optional_children(self, key: str) -> list[Node]:
         """Like `children`, none where the key is missing."""
@@ -77,20 +93,27 @@ class Node:
     def number(self, key: str) -> float:
         value = self.value(key)
         if not is_number(value):
-            raise self.error(key, "must be a number")
+            raise self.error(key, f"must be a number between {-_LARGEST:g} and {_LARGEST:g}")
         return float(value)
 
-    def length(self, key: str) -> float:
+    def length(self, key: str, above: float = 0.0, at_most: float = _LARGEST) -> float:
         value = self.number(key)
-        if value <= 0:
-            raise self.error(key, "must be greater than 0")
+        if not above < value <= at_most:
+            raise self.error(key, f"must be greater than {above:g} and at most {at_most:g}")
+        return value
+
+    def whole(self, key: str) -> int:
+        value = self.value(key)
+        if not isinstance(value, int) or not is_number(value):
+            raise self.error(key, "must be a whole number")
         return value
 
     def text(self, key: str) -> str:
+        """As one line that every picture and terminal can show."""
         value = self.value(key)
         if not isinstance(value, str):
             raise self.error(key, "must be a text")
-        return value
+        return plain(value, TEXT_MAX)
 
     def flag(self, key: str) -> bool:
         value = self.value(key)
