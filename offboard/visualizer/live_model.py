@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Hashable, Iterable
 from itertools import count
-from math import hypot, inf, isfinite
+from math import hypot, inf
 from typing import Any
 
 import numpy as np
@@ -80,9 +80,7 @@ class LiveModel:
         }
 
     def take(self, topic: Topic[Any], message: Any, arrived_s: float) -> None:
-        """A message that arrived at `arrived_s`. A place that is no number is as good as no message."""
-        if isinstance(message, (PoseEstimate, PointOfInterest)) and not isfinite(message.x_m + message.y_m):
-            return
+        """A message that arrived at `arrived_s`."""
         if topic.producer in ON_ROBOT:
             self.arrived_s["robot"] = arrived_s
         if isinstance(message, Status):

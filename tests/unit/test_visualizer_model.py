@@ -169,17 +169,9 @@ def test_every_module_is_named_with_its_error_in_words(watched: Watched) -> None
     assert "state" not in modules["poi"]
 
 
-def test_broken_numbers_break_no_page(watched: Watched) -> None:
-    watched.feed.take(POSE, pose(1.0))
-    watched.feed.take(POSE, pose(float("nan")))
-    watched.feed.take(POI, dataclasses.replace(door(1), x_m=float("inf")))
-    watched.feed.take(POI, dataclasses.replace(door(2), confidence=float("nan")))
-    path = np.array([[np.nan, 2.0]], np.float32)
-    watched.feed.take(PLAN, PlannerView(0.0, "ROUTE", "", path, 3, float("nan"), False))
-    news = watched.news()
-    assert news["pose"]["x_m"] == 1.0
-    assert [(poi["poi_id"], poi["confidence"]) for poi in news["pois"]["pois"]] == [(2, None)]
-    assert (news["plan"]["area_m2"], news["plan"]["path_m"]) == (None, [[None, 2.0]])
+def test_an_uncertainty_without_bounds_goes_out_as_null(watched: Watched) -> None:
+    watched.feed.take(POSE, dataclasses.replace(pose(1.0), sd_xy_m=float("inf")))
+    assert watched.news()["pose"]["sd_xy_m"] is None
 
 
 def test_the_trail_is_smoothed_as_far_as_that_reaches(watched: Watched) -> None:
