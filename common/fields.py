@@ -42,12 +42,12 @@ class Shape:
     sizes: tuple[str | int, ...]
 
 
-_COORDINATE = Within(-1e5, 1e5)  # metres
+COORDINATE = Within(-1e5, 1e5)  # metres
 _TIME = Within(-1e10, 1e10)  # seconds, on any clock
 
 Seconds = Annotated[float, _TIME]
 Age = Annotated[float, Within(0.0, 1e5)]  # seconds
-Metres = Annotated[float, _COORDINATE]
+Metres = Annotated[float, COORDINATE]
 Range = Annotated[float, Within(0.0, 1e3, or_nan=True)]  # metres; NaN where nothing answered
 Radians = Annotated[float, Within(-1e6, 1e6)]  # not wrapped, where it adds up
 RadiansPerSecond = Annotated[float, Within(-1e3, 1e3)]
@@ -64,27 +64,27 @@ Count = Annotated[int, Within(0, 2**53 - 1)]  # one more is still exact in SQLit
 Identity = Annotated[int, Within(0, 2**63 - 1)]  # drawn at random; nobody counts on from it
 
 Word = Annotated[str, UpTo(100)]
-Text = Annotated[str, UpTo(4_000)]
+Text = Annotated[str, UpTo(2_000)]
 
 SonarRanges = Annotated[tuple[Range, ...], Shape((SONAR_COUNT,))]
 SonarAges = Annotated[tuple[Age, ...], Shape((SONAR_COUNT,))]
 
-_MAP_POINTS = 2_000_000  # fifty kilometres of wall
+_MAP_POINTS = 1_000_000  # thirteen hours of driving
 MapStart = Annotated[int, Within(0, _MAP_POINTS)]
-MapPoints = Annotated[npt.NDArray[np.float32], Shape(("N", 2)), UpTo(_MAP_POINTS), _COORDINATE]
+MapPoints = Annotated[npt.NDArray[np.float32], Shape(("N", 2)), UpTo(_MAP_POINTS), COORDINATE]
 Marks = Annotated[npt.NDArray[np.uint8], Shape(("N",)), UpTo(_MAP_POINTS), Within(0, 1)]
-Way = Annotated[npt.NDArray[np.float32], Shape(("N", 2)), UpTo(10_000), _COORDINATE]
+Way = Annotated[npt.NDArray[np.float32], Shape(("N", 2)), UpTo(2_000), COORDINATE]
 _KEY_FRAMES = UpTo(100_000)  # forty kilometres of way
 Times = Annotated[npt.NDArray[np.float64], Shape(("K",)), _KEY_FRAMES, _TIME]
-Poses = Annotated[npt.NDArray[np.float64], Shape(("K", 3)), _KEY_FRAMES, _COORDINATE]  # x, y, heading
+Poses = Annotated[npt.NDArray[np.float64], Shape(("K", 3)), _KEY_FRAMES, COORDINATE]  # x, y, heading
 
 GRID_CELLS_MAX = 4_000_000  # 200 m by 200 m of 0.1 m
 GridSide = Annotated[int, Within(1, 20_000)]  # cells
 CellSize = Annotated[float, Within(0.01, 10.0)]  # metres
-GridBytes = Annotated[bytes, UpTo(4_000_000)]
+GridBytes = Annotated[bytes, UpTo(2_000_000)]
 
-PoiId = Annotated[int, Within(0, 10_000)]
-Photo = Annotated[bytes, UpTo(4_000_000)]
+PoiId = Annotated[int, Within(0, 5_000)]  # counted from 1
+Photo = Annotated[bytes, UpTo(1_000_000)]
 
 Boot = Annotated[int, Within(0, 2**16 - 1)]
 Epoch = Annotated[int, Within(0, 2**31 - 1)]  # as the board keeps it

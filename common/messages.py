@@ -280,7 +280,7 @@ class PointOfInterest:
     t_s: Seconds
     poi_id: PoiId
     name: Word
-    description: Text
+    description: Word
     x_m: Metres
     y_m: Metres
     number: Word

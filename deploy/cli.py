@@ -7,6 +7,7 @@ import sys
 from typing import NoReturn
 
 from common.errors import StartError
+from common.plain_text import plain
 from deploy import (
     bench_verb,
     board_verbs,
@@ -19,6 +20,8 @@ from deploy import (
     run_verbs,
     vision_verbs,
 )
+
+SENTENCE_LENGTH_MAX = 2000  # of what was wrong: words of files and of the mesh may stand in it
 
 
 class _Parser(argparse.ArgumentParser):
@@ -52,7 +55,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         code: int = arguments.run(arguments)
     except StartError as error:
-        sys.stderr.write(f"indoor-mapping: {error}\n")
+        sys.stderr.write(f"indoor-mapping: {plain(str(error), SENTENCE_LENGTH_MAX)}\n")
         return 2
     return code
 

@@ -23,6 +23,7 @@ GYRO_DRIFT_SD_RAD_PER_SQRT_S = radians(0.05)  # between two standstills
 GYRO_SD_RAD = radians(0.05)
 MAX_SPEED_M_S = 1.0  # of a wheel: what goes further between two reports is no motion of this robot
 MAX_STEP_M = 0.1  # on top of that
+MAX_GAP_S = 5.0  # a board that hears nobody stands: it goes no further than it can in so long
 GAP_S = 0.25  # over a longer gap the board's own dead reckoning knows the way better than one arc does
 BELIEVED_AFTER = 5  # reports that agree with each other and not with what came before: the ticks did jump
 
@@ -160,4 +161,5 @@ def _reachable(last: Odometry, odometry: Odometry, tick_m: float) -> bool:
         abs(odometry.ticks_left - last.ticks_left),
         abs(odometry.ticks_right - last.ticks_right),
     )
-    return ticks * tick_m <= MAX_STEP_M + MAX_SPEED_M_S * (odometry.t_s - last.t_s)
+    reach_m = MAX_STEP_M + MAX_SPEED_M_S * min(odometry.t_s - last.t_s, MAX_GAP_S)
+    return max(ticks * tick_m, board_pose(last).distance_m(board_pose(odometry))) <= reach_m

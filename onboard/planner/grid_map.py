@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite
 
 import numpy as np
 import numpy.typing as npt
@@ -42,16 +41,9 @@ class GridMap:
     def from_update(cls, update: GridUpdate) -> GridMap:
         """What is known of the grid, with a margin, the gaps between neighbouring rays closed.
 
-        Raises GridError when the cells cannot be unpacked or do not fill the announced shape, or lie nowhere.
+        Raises GridError when the cells cannot be unpacked or do not fill the announced shape.
         """
-        if not (isfinite(update.origin_x_m) and isfinite(update.origin_y_m) and 0.0 < update.cell_m < inf):
-            raise GridError(f"cells of {update.cell_m} m from ({update.origin_x_m}, {update.origin_y_m}) on")
-        if update.rows <= 0 or update.columns <= 0:
-            raise GridError(f"{update.rows} rows and {update.columns} columns")
-        try:
-            cells = np.frombuffer(zlib.decompress(update.cells_zlib), np.uint8).reshape(update.rows, update.columns)
-        except (zlib.error, ValueError) as error:
-            raise GridError(str(error)) from error
+        cells = _inflated(update.cells_zlib, update.rows * update.columns).reshape(update.rows, update.columns)
         known = np.argwhere(cells != UNKNOWN)
         if not len(known):
             return cls(cells, update.origin_x_m, update.origin_y_m, update.cell_m)
@@ -140,6 +132,18 @@ class GridMap:
     def sees(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
         """No wall between two positions."""
         return not bool((self.cells[self.line(a, b)] == WALL).any())
+
+
+def _inflated(pressed: bytes, count: int) -> npt.NDArray[np.uint8]:
+    """So many cells; a few bytes may claim to be gigabytes, so no more than these are unpacked."""
+    inflater = zlib.decompressobj()
+    try:
+        cells = inflater.decompress(pressed, count + 1)
+    except zlib.error as error:
+        raise GridError(str(error)) from error
+    if len(cells) != count or not inflater.eof:
+        raise GridError(f"not the {count} cells of its rows and columns")
+    return np.frombuffer(cells, np.uint8)
 
 
 def _close_slivers(cells: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import random
+import zlib
 from enum import Enum
 from functools import cache
 from math import inf, nan
@@ -15,6 +16,7 @@ import numpy.typing as npt
 
 from common.codec import CODEC_VERSION
 from common.fields import Shape, UpTo, Within
+from common.messages import GridUpdate
 
 P = TypeVar("P")
 
@@ -31,6 +33,7 @@ TEXTS = (
     "'\"<&>",
 )
 RAW_TEXTS = ("\x1b]0;title\x07\x1b[2J", "two\nlines\r\0", "\u202eturned\u2066", "\x9b31m")
+BOMB = zlib.compress(bytes(50_000_000))
 POISONS: tuple[Any, ...] = (
     *(nan, inf, -inf, 1e308, -0.0, 5e-324),
     *(2**64 - 1, 2**63, -(2**63), 2**53, -1, 0),
@@ -40,6 +43,7 @@ POISONS: tuple[Any, ...] = (
         "text",
         "\x1b[2J",
         b"bytes",
+        BOMB,
         b"",
         [],
         [nan],
@@ -51,6 +55,8 @@ POISONS: tuple[Any, ...] = (
     ),
 )
 _RARE = 0.005
+LONGEST_SIDE = 600  # of a grid: 60 m
+LONGEST = 200_000  # of an array, below the bound of some: three hours of driving
 
 
 def packed(array: npt.NDArray[Any]) -> msgpack.ExtType:
@@ -76,9 +82,19 @@ def fit(payload: type[P], chance: random.Random) -> P:
     """A sound payload; its values are ordinary, at their bounds, or anything between."""
     lengths: dict[str, int] = {}
     values = {name: _value(hint, chance, lengths) for name, hint in _hints(payload).items()}
-    if "rows" in values:  # of a grid: their product has a bound of its own
-        values["columns"] = min(values["columns"], 4_000_000 // values["rows"])
+    if payload is GridUpdate:
+        values |= _floor(chance)
     return payload(**values)
+
+
+def _floor(chance: random.Random) -> dict[str, Any]:
+    """Cells that fill their rows and columns: noise, or large pieces of one kind."""
+    rows, columns = (chance.choice((1, 7, 60, 200, LONGEST_SIDE if chance.random() < 0.1 else 90)) for _ in range(2))
+    numbers = np.random.default_rng(chance.getrandbits(32))
+    coarse = chance.choice((1, 4, 30))
+    cells = numbers.integers(0, 3, (rows // coarse + 1, columns // coarse + 1), np.uint8)
+    cells = np.kron(cells, np.ones((coarse, coarse), np.uint8))[:rows, :columns]
+    return {"rows": rows, "columns": columns, "cells_zlib": zlib.compress(cells.tobytes(), 1)}
 
 
 def _value(hint: Any, chance: random.Random, lengths: dict[str, int]) -> Any:
@@ -116,7 +132,8 @@ def _number(kind: type, within: Within, chance: random.Random) -> Any:
 
 
 def _length(most: int, chance: random.Random) -> int:
-    return most if chance.random() < _RARE else min(chance.choice((0, 1, 2, 5, 5, 300)), most)
+    longest = min(most, LONGEST)
+    return longest if chance.random() < _RARE else min(chance.choice((0, 1, 2, 5, 5, 300)), most)
 
 
 def body_of(payload: Any) -> dict[str, Any]:
