@@ -15,6 +15,7 @@ from common.messages import GridUpdate
 
 UNKNOWN, FREE, WALL = 0, 1, 2
 CLEARANCE_MAX_CELLS = 16
+LINE_STEPS_MAX = 20_000  # over a kilometre; from one end of any floor to the other
 STAND_CLEARANCE_M = HULL_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
 OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not a way
 SLIVER_PASSES = 4  # closes holes of up to 0.7 m between rays
@@ -123,7 +124,7 @@ class GridMap:
 
     def line(self, a: tuple[float, float], b: tuple[float, float]) -> tuple[npt.NDArray[np.int64], ...]:
         """Rows and columns of the cells from position a to position b, clipped to the grid."""
-        steps = max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / (0.6 * self.cell_m)), 1)
+        steps = min(max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / (0.6 * self.cell_m)), 1), LINE_STEPS_MAX)
         f = np.linspace(0.0, 1.0, steps + 1)
         columns = ((a[0] + f * (b[0] - a[0]) - self.origin_x_m) / self.cell_m).astype(np.int64)
         rows = ((a[1] + f * (b[1] - a[1]) - self.origin_y_m) / self.cell_m).astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import multiprocessing
 import random
@@ -107,6 +108,7 @@ def _grants(data: bytes) -> bool:
 def _node(name: str, pipe: Connection) -> None:
     """The process of the node."""
     logging.disable(logging.CRITICAL)
+    gc.freeze()  # what the tests' own process holds is none of the node's
     mesh = LocalMesh()
     stage = stage_of(name, mesh)
     pipe.send((stage.node.period_s, {topic.key for topic in stage.topics}))

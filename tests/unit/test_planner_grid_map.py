@@ -119,3 +119,9 @@ def test_lines_that_leave_the_grid_stay_inside_the_array() -> None:
     grid = hall()
     rows, columns = grid.line((-5.0, -5.0), (50.0, 50.0))
     assert grid.cells[rows, columns].shape == rows.shape
+
+
+def test_a_line_of_any_length_is_looked_along_at_a_bounded_cost() -> None:
+    grid = replace(hall(), cell_m=0.01)
+    rows, columns = grid.line((-1e5, -1e5), (1e5, 1e5))
+    assert len(rows) == len(columns) < 30_000

@@ -35,6 +35,7 @@ from common.messages import (
 )
 from offboard.recorder import run_folder
 from offboard.visualizer.feed import Feed
+from offboard.visualizer.live_model import PHOTO_BYTES_MAX, LiveModel
 from offboard.visualizer.poi_store import PoiRecord, RunFolderPois
 from offboard.visualizer.protocol import Frame
 
@@ -258,3 +259,12 @@ def entry(poi_id: int, photo: str = "", t_s: float = 1.0) -> dict[str, Any]:
 
 def write_pois(folder: Path, *entries: dict[str, Any]) -> None:
     run_folder.write_json(folder / run_folder.POIS_NAME, list(entries))
+
+
+def test_photos_that_no_store_takes_are_kept_up_to_a_limit() -> None:
+    model = LiveModel()
+    for number in range(40):
+        model.take(POI, door(number, photo=bytes(1_000_000)), 1.0)
+    assert sum(map(len, model.photos.values())) <= PHOTO_BYTES_MAX
+    assert 39 in model.photos
+    assert len(model.pois) == 40
