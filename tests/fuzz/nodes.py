@@ -35,6 +35,8 @@ from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import PIECE_BYTES, Outbox
 from onboard.comm.outbox_store import pack_row
+from onboard.comm.stop_keeper import StopKeeper
+from onboard.comm.stop_record import RECORD_NAME
 from onboard.mmu.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
 from onboard.planner.planner import Planner
@@ -175,7 +177,7 @@ def comm(bus: WireBus) -> Stage:
     """With a recorder that takes all it sends."""
     folder = tempfile.TemporaryDirectory()
     outbox = Outbox(Path(folder.name) / "outbox.sqlite", 20_000_000, new_id=1)
-    node = Comm(CommSection(), Path(folder.name) / "stop.json", outbox)
+    node = Comm(CommSection(), StopKeeper(Path(folder.name) / RECORD_NAME), outbox)
     far, inbox = bus.mesh.endpoint("recorder"), OutboxInbox({})
 
     def beside(now_s: float) -> None:

@@ -329,11 +329,9 @@ async def test_words_from_outside_are_never_markup_nor_reach_the_terminal_as_con
         texts = [entry.text for entry in app.main.log_view.book.shown]
         assert any(text.endswith(f"_{CLEANED},{CLEANED}") for text in texts)
         assert all(text.isprintable() for text in texts)
-        await pilot.press("ctrl+r")
-        assert any(CLEANED in notification.message for notification in app._notifications)
         await pilot.press("p")
         await settle(rig, app, pilot)
-        assert f"stopped by {CLEANED}, operator" in rig.node.snapshot().operation.sentence
+        assert any(f"stands: {CLEANED}" in notification.message for notification in app._notifications)
         await pilot.press("g", *"[/a],", "enter")
         assert "[/a]," in str(app.screen.query_one(".warning").render())
 
