@@ -12,20 +12,24 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from common.codec import encode
+from common.field_checks import UnfitValue
 from common.frames import Frame, Losses
 from common.messages import Topic
+from common.undecodable import Undecodable
 
 P = TypeVar("P")
 
 # An input is alive while its newest message is younger than this many periods of its declared rate
 ALIVE_PERIODS = 3.0
 QUEUE_LENGTH = 256
+UNFIT = "not published"
 
 
 class Bus(Protocol):
     """What a node may ask of the mesh. Ages are judged by arrival, on the clock of the receiver."""
 
-    def publish(self, topic: Topic[P], payload: P) -> None: ...
+    def publish(self, topic: Topic[P], payload: P) -> None:
+        """What its type forbids is not sent but counted, and told in the log of this process: `UNFIT`."""
 
     def latest(self, topic: Topic[P]) -> P | None:
         """The newest message of a topic, or None when none came yet."""
@@ -80,13 +84,10 @@ class LocalMesh:
         self._endpoints.append(bus)
         return bus
 
-    def deliver(self, topic: Topic[Any], payload: Any, sequence: int, boot_id: int) -> None:
-        taps = [endpoint for endpoint in self._endpoints if topic.key in endpoint.tapped]
-        if taps:
-            frame = Frame(topic.key, boot_id, sequence, encode(payload, sequence, boot_id))
-            for endpoint in taps:
-                endpoint.frames.append(frame)
+    def deliver(self, topic: Topic[Any], payload: Any, frame: Frame) -> None:
         for endpoint in self._endpoints:
+            if topic.key in endpoint.tapped:
+                endpoint.frames.append(frame)
             endpoint._receive(topic, payload)
 
 
@@ -100,12 +101,19 @@ class LocalBus:
         self.frames: list[Frame] = []
         self._boot_id = boot_id
         self._sequences: dict[str, int] = {}
+        self._unfit = Undecodable(UNFIT)
         self._inboxes: dict[str, _Inbox] = {}
         self._queues: dict[str, deque[Any]] = {}
 
     def publish(self, topic: Topic[P], payload: P) -> None:
-        sequence = self._sequences[topic.key] = self._sequences.get(topic.key, 0) + 1
-        self._mesh.deliver(topic, payload, sequence, self._boot_id)
+        sequence = self._sequences.get(topic.key, 0) + 1
+        try:
+            frame = Frame(topic.key, self._boot_id, sequence, encode(payload, sequence, self._boot_id))
+        except UnfitValue as error:
+            self._unfit.count(topic.key, str(error))
+            return
+        self._sequences[topic.key] = sequence
+        self._mesh.deliver(topic, payload, frame)
 
     def latest(self, topic: Topic[P]) -> P | None:
         inbox = self._inboxes.get(topic.key)

@@ -2,28 +2,35 @@
 
 On the wire a message is `[CODEC_VERSION, sequence, boot_id, {field: value}]`. A field that is missing takes its
 default, an unknown one is skipped: programs of neighbouring versions understand each other. Arrays travel as raw bytes.
+Whatever a field must not hold by its type (`fields`) is refused, on both ends.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable
+import re
+import reprlib
+from collections.abc import Callable, Mapping
 from enum import Enum
-from operator import attrgetter
-from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 import msgpack
 import numpy as np
 
+from common.field_checks import Field, check_lengths, field_of
 from common.messages import NAME_OF_MODULE
 
 CODEC_VERSION = 1
 _ARRAY_EXT = 1
+_ARRAY_TYPE = re.compile(r"[<>|][fiu][1248]")  # numbers; no objects, no structures
 _HEADER_BYTES = 32  # more than version, sequence and boot id can take
 _SEQUENCE_MAX = 2**53
+_LARGE_BYTES = 64_000
+_CONTAINERS_MAX, _ELEMENTS_MAX = 64, 1024  # lists and maps in a large message, and what is in each
 _UNDECODABLE = (
-    *(ValueError, TypeError, AttributeError, KeyError, ArithmeticError, SyntaxError, MemoryError, RecursionError),
+    *(ValueError, TypeError, AttributeError, KeyError, ArithmeticError, MemoryError, RecursionError),
     msgpack.UnpackException,
 )
 
@@ -46,117 +53,104 @@ def _pack_special(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         array = np.ascontiguousarray(value)
         return msgpack.ExtType(_ARRAY_EXT, msgpack.packb([array.dtype.str, list(array.shape), array.tobytes()]))
-    if isinstance(value, np.generic):
-        return value.item()
     if isinstance(value, Enum):
         return value.value
     raise TypeError(f"a {type(value).__name__} cannot travel in a message")
 
 
+def _unpack(data: bytes, ext_hook: Callable[[int, bytes], Any] = msgpack.ExtType) -> Any:
+    if len(data) <= _LARGE_BYTES:
+        return msgpack.unpackb(data, ext_hook=ext_hook, use_list=False)
+    # A million empty lists are no large message, but they fill the memory
+    containers = itertools.count(1)
+
+    def count(container: Any) -> Any:
+        if next(containers) > _CONTAINERS_MAX:
+            raise DecodeError(f"more than {_CONTAINERS_MAX} lists and maps in it")
+        return container
+
+    hooks = {"ext_hook": ext_hook, "list_hook": count, "object_hook": count}
+    return msgpack.unpackb(data, use_list=False, max_array_len=_ELEMENTS_MAX, max_map_len=_ELEMENTS_MAX, **hooks)
+
+
 def _unpack_special(code: int, data: bytes) -> Any:
     if code != _ARRAY_EXT:
         raise DecodeError(f"unknown MessagePack extension {code}")
-    dtype, shape, raw = msgpack.unpackb(data)
-    if np.dtype(dtype).hasobject:
-        raise DecodeError("an array of objects")
+    dtype, shape, raw = _unpack(data)
+    if not _ARRAY_TYPE.fullmatch(dtype):
+        raise DecodeError(f"an array of {reprlib.repr(dtype)}")
     return np.frombuffer(raw, dtype=np.dtype(dtype)).reshape(shape)
-
-
-Convert = Callable[[str, Any], Any]
-Shape = tuple[str | int, ...]
 
 
 class _Form(NamedTuple):
     """How a payload class travels; made once, for every message of every process passes here."""
 
-    names: tuple[str, ...]
-    values: Callable[[Any], tuple[Any, ...]]  # of all fields, in this order
-    fields: dict[str, tuple[type | None, Convert]]  # the type that is taken as it is, and what converts or refuses
-    arrays: dict[str, tuple[np.dtype[Any], Shape]]
+    of_body: Callable[[Mapping[str, Any]], Any]  # fields as they came -> payload
+    body_of: Callable[[Any], dict[str, Any]]  # payload -> fields as they go; both raise UnfitValue
 
 
-_FORMS: dict[type, _Form] = {}
+class _Forms(dict[type, _Form]):
+    def __missing__(self, payload: type) -> _Form:
+        form = self[payload] = _make_form(payload)
+        return form
 
 
-def _form(payload: type) -> _Form:
-    if payload not in _FORMS:
-        hints = get_type_hints(payload)
-        names = tuple(field.name for field in dataclasses.fields(payload))
-        annotated = get_type_hints(payload, include_extras=True)
-        arrays = {name: _array(annotated[name]) for name in names if get_origin(annotated[name]) is Annotated}
-        _FORMS[payload] = _Form(names, attrgetter(*names), {name: _reading(hints[name]) for name in names}, arrays)
-    return _FORMS[payload]
+_FORMS = _Forms()
+
+
+def _make_form(payload: type) -> _Form:
+    """Two functions written for the class, as `dataclasses` writes its own: a loop over fields takes twice as long."""
+    hints = get_type_hints(payload, include_extras=True)
+    words: dict[str, Any] = {"payload": payload, "check_lengths": check_lengths, "inf": math.inf}
+    of_body, body_of, checks = [], [], []
+    alike: dict[str, list[str]] = {}
+    for declared in dataclasses.fields(payload):
+        name, field = declared.name, field_of(declared.name, hints[declared.name])
+        words |= {f"default_{name}": declared.default, f"take_{name}": field.take, f"right_{name}": field.right}
+        required = declared.default is dataclasses.MISSING
+        of_body.append(f"{name} = body['{name}']" if required else f"{name} = body.get('{name}', default_{name})")
+        body_of.append(f"{name} = of.{name}")
+        checks.append(_check_source(name, field))
+        if field.like:
+            alike.setdefault(field.like, []).append(name)
+    names = [declared.name for declared in dataclasses.fields(payload)]
+    checks += [f"check_lengths({', '.join(f'{n}={n}' for n in group)})" for group in alike.values() if len(group) > 1]
+    of_body = ["def of_body(body):", *of_body, *checks, f"return payload({', '.join(names)})"]
+    body_of = ["def body_of(of):", *body_of, *checks, f"return {{{', '.join(f'{n!r}: {n}' for n in names)}}}"]
+    exec("\n ".join(of_body) + "\n" + "\n ".join(body_of), words)
+    return _Form(words["of_body"], words["body_of"])
+
+
+def _check_source(name: str, field: Field) -> str:
+    if field.right is None:
+        return f"{name} = take_{name}({name})"
+    fits = f"type({name}) is right_{name}"
+    if field.within is not None:
+        inside = f"{field.within.low!r} <= {name} <= {field.within.high!r}"
+        fits += f" and ({inside} or {name} != {name})" if field.within.or_nan else f" and {inside}"
+    return f"if not ({fits}): {name} = take_{name}({name})"
 
 
 def encode(payload: Any, sequence: int, boot_id: int) -> bytes:
-    """Bytes of a payload dataclass; raises TypeError for a value that cannot travel."""
-    form = _form(type(payload))
-    body = dict(zip(form.names, form.values(payload), strict=True))
+    """Bytes of a payload dataclass; raises UnfitValue where a field holds what nobody would take."""
+    body = _FORMS[type(payload)].body_of(payload)
     packed: bytes = msgpack.packb((CODEC_VERSION, sequence, boot_id, body), default=_pack_special)
     return packed
 
 
-def _reading(hint: Any) -> tuple[type | None, Convert]:
-    origin = get_origin(hint)
-    if origin is tuple:
-        return None, _to_tuple
-    if origin is np.ndarray:
-        return np.ndarray, _refuse
-    if issubclass(hint, Enum):
-        return None, lambda _, value: hint(value)
-    return hint, _to_float if hint is float else _refuse
-
-
-def _array(hint: Any) -> tuple[np.dtype[Any], Shape]:
-    """What `Annotated[NDArray[number], shape]` says."""
-    array, shape = get_args(hint)
-    (number,) = get_args(get_args(array)[1])
-    return np.dtype(number), shape
-
-
-def _check_arrays(arrays: dict[str, tuple[np.dtype[Any], Shape]], values: dict[str, Any]) -> None:
-    sizes: dict[str | int, int] = {}
-    for name, (dtype, shape) in arrays.items():
-        if name not in values:
-            continue
-        array = values[name]
-        fits = array.ndim == len(shape) and np.can_cast(array.dtype, dtype, "same_kind")
-        for dimension, size in zip(shape, array.shape, strict=False):
-            expected = sizes.setdefault(dimension, size) if isinstance(dimension, str) else dimension
-            fits = fits and size == expected
-        if not fits:
-            raise DecodeError(f"field '{name}' is {array.dtype} {array.shape}, not {dtype} {shape}")
-
-
-def _refuse(name: str, value: Any) -> Any:
-    raise DecodeError(f"field '{name}' must not be a {type(value).__name__}")
-
-
-def _to_float(name: str, value: Any) -> float:
-    return float(value) if type(value) is int else _refuse(name, value)
-
-
-def _to_tuple(name: str, value: Any) -> tuple[Any, ...]:
-    if not isinstance(value, list):
-        raise DecodeError(f"field '{name}' is no list")
-    return tuple(value)
+def _is_stamp(sequence: Any, boot_id: Any) -> bool:
+    return type(sequence) is int and type(boot_id) is int and 0 < sequence < _SEQUENCE_MAX and 0 <= boot_id < 2**63
 
 
 def decode(data: bytes, payload: type[P]) -> Envelope[P]:
     """The message in `data`; raises DecodeError with one sentence for anything that is none."""
     try:
-        version, sequence, boot_id, body = msgpack.unpackb(data, ext_hook=_unpack_special)
+        version, sequence, boot_id, body = _unpack(data, _unpack_special)
         if version != CODEC_VERSION:
-            raise DecodeError(f"message of codec version {version}, this program speaks {CODEC_VERSION}")
-        form = _form(payload)
-        fields, values = form.fields, {}
-        for name, value in body.items():
-            if name in fields:
-                right, convert = fields[name]
-                values[name] = value if type(value) is right else convert(name, value)
-        if form.arrays:
-            _check_arrays(form.arrays, values)
-        return Envelope(payload(**values), int(sequence), int(boot_id))
+            raise DecodeError(f"message of codec version {reprlib.repr(version)}, this program speaks {CODEC_VERSION}")
+        if not _is_stamp(sequence, boot_id):
+            raise DecodeError("no sequence number and boot id")
+        return Envelope(_FORMS[payload].of_body(body), sequence, boot_id)
     except DecodeError:
         raise
     except _UNDECODABLE as error:
@@ -172,8 +166,7 @@ def read_header(data: bytes) -> tuple[int, int]:
         _, sequence, boot_id = (unpacker.unpack() for _ in range(3))
     except _UNDECODABLE as error:
         raise DecodeError(f"no header of a message: {error}") from error
-    in_range = type(sequence) is int and type(boot_id) is int and 0 < sequence < _SEQUENCE_MAX and 0 <= boot_id < 2**63
-    if count != 4 or not in_range:
+    if count != 4 or not _is_stamp(sequence, boot_id):
         raise DecodeError("no header of a message")
     return sequence, boot_id
 
@@ -194,7 +187,7 @@ def _text_of(value: Any) -> str:
 
 def as_text(sender: str, receiver: str, payload: Any) -> str:
     """SendingModuleName_ReceivingModuleName_TimeStamp_Message; the time stamp in milliseconds of the sender's clock."""
-    names = [n for n in _form(type(payload)).names if n not in ("t_s", "valid")]
-    message = ",".join(_text_of(getattr(payload, n)) for n in names)
+    names = [field.name for field in dataclasses.fields(payload) if field.name not in ("t_s", "valid")]
+    message = ",".join(_text_of(getattr(payload, name)) for name in names)
     code = [NAME_OF_MODULE.get(module, module.upper()) for module in (sender, receiver)]
     return f"{code[0]}_{code[1]}_{round(payload.t_s * 1000)}_{message}"

@@ -2,23 +2,63 @@
 
 Key on the bus: `<robot>/<module>/<variable>`. Every payload has `t_s`, when its content was measured on the sender's
 clock; every output has `valid`, false when an input it rests on was not alive and valid. Sequence number and boot id
-travel in the envelope (`codec.Envelope`), stamped by the bus. The codec holds an array to the shape that is annotated,
-where a letter stands for one and the same number in all of a message. Add fields with a default, never reuse or rename
-one: old recordings must load.
+travel in the envelope (`codec.Envelope`), stamped by the bus. The codec holds every field to the bounds that its type
+says (`fields`). Add fields with a default, never reuse or rename one: old recordings must load.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from typing import Annotated, Generic, TypeVar
-
-import numpy as np
-import numpy.typing as npt
+from typing import Generic, TypeVar
 
 from common.constants import MAP_RATE_MAX_HZ, PERMIT_RATE_HZ, POSE_RATE_HZ, SENSOR_RATE_HZ, STATUS_RATE_HZ
-
-MAP_POINTS_MAX = 2_000_000  # fifty kilometres of wall
+from common.fields import (
+    GRID_CELLS_MAX,
+    Boot,
+    BootIds,
+    CellSize,
+    Challenge,
+    CommandId,
+    Count,
+    Epoch,
+    ErrorNumber,
+    GridBytes,
+    GridSide,
+    Identity,
+    MapPoints,
+    MapStart,
+    Marks,
+    Metres,
+    MetresPerSecond,
+    Pace,
+    Photo,
+    Piece,
+    PoiId,
+    Poses,
+    Pwm,
+    Radians,
+    RadiansPerSecond,
+    Range,
+    RowsBytes,
+    Seconds,
+    Sequences,
+    Share,
+    SonarAges,
+    SonarRanges,
+    Spread,
+    SquareMetres,
+    StopIds,
+    StopNames,
+    StopSources,
+    Text,
+    Ticks,
+    Times,
+    Topics,
+    Volts,
+    Way,
+    Word,
+)
 
 # The specification's names of the senders on the serial line and in the text form, and the process that speaks for each
 MODULES: dict[str, str] = {
@@ -69,29 +109,29 @@ class CarrierState(Enum):
 class Odometry:
     """What SIM knows of its own motion (SIM_MR_02..04): cumulative ticks, yaw and dead reckoning since power-on."""
 
-    t_s: float
-    ticks_left: int
-    ticks_right: int
-    yaw_rad: float
-    yaw_rate_rad_s: float
-    x_m: float
-    y_m: float
-    speed_m_s: float
+    t_s: Seconds
+    ticks_left: Ticks
+    ticks_right: Ticks
+    yaw_rad: Radians
+    yaw_rate_rad_s: RadiansPerSecond
+    x_m: Metres
+    y_m: Metres
+    speed_m_s: MetresPerSecond
     standing: bool  # wheels still, gyro bias being tracked
     bumper: bool
     cliff: bool
-    session: int  # changes when the board restarts: ticks and yaw begin anew
+    session: Identity  # changes when the board restarts: ticks and yaw begin anew
     valid: bool = True
-    yaw_by_walls_rad: float = 0.0  # that much of `yaw_rad` is told by walls, the rest by the gyro
+    yaw_by_walls_rad: Radians = 0.0  # that much of `yaw_rad` is told by walls, the rest by the gyro
 
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
     """dist_Sensors_Array: five ranges from the ring's centre, NaN where nothing answered (no information)."""
 
-    t_s: float
-    range_m: tuple[float, ...]  # in the order of constants.SONAR_NAMES
-    age_s: tuple[float, ...]  # how long before t_s each was measured
+    t_s: Seconds
+    range_m: SonarRanges  # in the order of constants.SONAR_NAMES
+    age_s: SonarAges  # how long before t_s each was measured
     valid: bool = True
 
 
@@ -99,10 +139,10 @@ class Ranges:
 class Distances:
     """dist_left, dist_right, dist_front: aggregated distances from the ring's centre to the walls, NaN where none."""
 
-    t_s: float
-    left_m: float
-    right_m: float
-    front_m: float
+    t_s: Seconds
+    left_m: Range
+    right_m: Range
+    front_m: Range
     valid: bool = True
 
 
@@ -110,24 +150,24 @@ class Distances:
 class CarrierReport:
     """Completed and the state of the Carrier, ten times a second and at once on change."""
 
-    t_s: float
+    t_s: Seconds
     state: CarrierState
-    command_id: int  # the drive command in force, 0 = none
-    completed_id: int  # the newest one completed
-    aborted_id: int  # the newest one given up
-    speed_m_s: float
-    pwm_left: int
-    pwm_right: int
+    command_id: CommandId  # the drive command in force, 0 = none
+    completed_id: CommandId  # the newest one completed
+    aborted_id: CommandId  # the newest one given up
+    speed_m_s: MetresPerSecond
+    pwm_left: Pwm
+    pwm_right: Pwm
     enabled: bool  # motor driver
     stop_latched: bool
-    battery_v: float
+    battery_v: Volts
     valid: bool = True
-    boot: int = 0  # of the drive commands whose ids stand above
-    board_epoch: int = 0  # the newest stop epoch that the firmware knows
-    bridge_epoch: int = 0  # the newest that the bridge received in a permit, 0 = none since its start
-    comm_life: int = 0  # of the newest permit that the bridge received
-    stop_ids: tuple[int, ...] = ()  # stops that the bridge holds and no permit has quoted yet
-    stop_names: tuple[str, ...] = ()  # their sources, in the same order
+    boot: Boot = 0  # of the drive commands whose ids stand above
+    board_epoch: Epoch = 0  # the newest stop epoch that the firmware knows
+    bridge_epoch: Epoch = 0  # the newest that the bridge received in a permit, 0 = none since its start
+    comm_life: Identity = 0  # of the newest permit that the bridge received
+    stop_ids: StopIds = ()  # stops that the bridge holds and no permit has quoted yet
+    stop_names: StopNames = ()  # their sources, in the same order
     button_pressed: bool = False  # the robot's own stop button, right now
 
 
@@ -135,26 +175,26 @@ class CarrierReport:
 class DriveCommand:
     """Desired_Speed and Desired_Angle: drive at `speed` along `yaw_rad` of SIM's own yaw. Newer replaces older."""
 
-    t_s: float
-    command_id: int
+    t_s: Seconds
+    command_id: CommandId
     speed: Speed
-    yaw_rad: float
+    yaw_rad: Radians
     valid: bool = True
-    boot: int = 0  # of the planner: a restarted one counts its commands anew; 16 bits
+    boot: Boot = 0  # of the planner: a restarted one counts its commands anew; 16 bits
 
 
 @dataclass(frozen=True, slots=True)
 class PoseEstimate:
     """Where the robot is in the map (frame: its start pose), with its uncertainty, tied to SIM's yaw at that moment."""
 
-    t_s: float
-    x_m: float
-    y_m: float
-    heading_rad: float
-    yaw_rad: float  # SIM's yaw at t_s: heading_rad - yaw_rad turns a map heading into a drive command
-    sd_xy_m: float
-    sd_heading_rad: float
-    map_revision: int
+    t_s: Seconds
+    x_m: Metres
+    y_m: Metres
+    heading_rad: Radians
+    yaw_rad: Radians  # SIM's yaw at t_s: heading_rad - yaw_rad turns a map heading into a drive command
+    sd_xy_m: Spread
+    sd_heading_rad: Spread
+    map_revision: Count
     valid: bool = True
 
 
@@ -162,40 +202,40 @@ class PoseEstimate:
 class MapUpdate:
     """Wall points. `start` 0 begins the map anew (the past was corrected); else the points go on where `start` says."""
 
-    t_s: float
-    revision: int
-    start: int
-    points_m: Annotated[npt.NDArray[np.float32], ("N", 2)]
-    inferred: Annotated[npt.NDArray[np.uint8], ("N",)]  # 1 where a wall was concluded, not echoed
+    t_s: Seconds
+    revision: Count
+    start: MapStart
+    points_m: MapPoints
+    inferred: Marks  # 1 where a wall was concluded, not echoed
     valid: bool = True
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.start <= MAP_POINTS_MAX:
-            raise ValueError(f"no map goes on at its point {self.start}")
 
 
 @dataclass(frozen=True, slots=True)
 class GridUpdate:
     """The occupancy grid for driving: 0 unknown, 1 free, 2 wall; zlib over the row-major cells."""
 
-    t_s: float
-    revision: int
-    origin_x_m: float  # outer corner of cell (0, 0)
-    origin_y_m: float
-    cell_m: float
-    rows: int  # along y
-    columns: int  # along x
-    cells_zlib: bytes
+    t_s: Seconds
+    revision: Count
+    origin_x_m: Metres  # outer corner of cell (0, 0)
+    origin_y_m: Metres
+    cell_m: CellSize
+    rows: GridSide  # along y
+    columns: GridSide  # along x
+    cells_zlib: GridBytes
     valid: bool = True
+
+    def __post_init__(self) -> None:
+        if self.rows * self.columns > GRID_CELLS_MAX:
+            raise ValueError(f"{self.rows} rows of {self.columns} cells are too many")
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
     """The smoothed path as it is believed now: times and poses of the key frames."""
 
-    t_s: float
-    times_s: Annotated[npt.NDArray[np.float64], ("K",)]
-    poses: Annotated[npt.NDArray[np.float64], ("K", 3)]  # x, y, heading
+    t_s: Seconds
+    times_s: Times
+    poses: Poses  # x, y, heading
     valid: bool = True
 
 
@@ -203,15 +243,15 @@ class Trajectory:
 class PlannerView:
     """What the Planner is about, for people: mode, where it drives, what is still on the list."""
 
-    t_s: float
-    mode: str
-    detail: str
-    path_m: Annotated[npt.NDArray[np.float32], ("N", 2)]
-    halls_open: int
-    area_m2: float
+    t_s: Seconds
+    mode: Word
+    detail: Text
+    path_m: Way
+    halls_open: Count
+    area_m2: SquareMetres
     finished: bool
     valid: bool = True
-    command_id: int = 0  # of the newest OperatorCommand that was taken
+    command_id: CommandId = 0  # of the newest OperatorCommand that was taken
 
 
 class PoiCommand(Enum):
@@ -225,11 +265,11 @@ class PoiCommand(Enum):
 class PoiRequest:
     """Planner_Command: hold, go on, go back, or stand at a pose for another photo."""
 
-    t_s: float
+    t_s: Seconds
     command: PoiCommand
-    x_m: float = 0.0
-    y_m: float = 0.0
-    heading_rad: float = 0.0
+    x_m: Metres = 0.0
+    y_m: Metres = 0.0
+    heading_rad: Radians = 0.0
     valid: bool = True
 
 
@@ -237,17 +277,17 @@ class PoiRequest:
 class PointOfInterest:
     """Current_POI: one record per door (decision 28)."""
 
-    t_s: float
-    poi_id: int
-    name: str
-    description: str
-    x_m: float
-    y_m: float
-    number: str
-    room_type: str
-    confidence: float
-    state: str
-    photo_jpeg: bytes = b""
+    t_s: Seconds
+    poi_id: PoiId
+    name: Word
+    description: Word
+    x_m: Metres
+    y_m: Metres
+    number: Word
+    room_type: Word
+    confidence: Share
+    state: Word
+    photo_jpeg: Photo = b""
     valid: bool = True
 
 
@@ -256,28 +296,28 @@ class Permit:
     """May the robot move? Granted only while every on-robot module is alive, fresh, valid and beats, and the newest
     latched stop was released and followed by a resume."""
 
-    t_s: float
+    t_s: Seconds
     granted: bool
-    reason: str
-    stop_sources: tuple[str, ...] = ()  # who holds the latched stop
+    reason: Text
+    stop_sources: StopSources = ()  # who holds the latched stop
     valid: bool = True
-    challenge: bytes = b""  # what a command must be signed over now; empty where none need be
-    stop_epoch: int = 0  # grows with every latched stop; 0: comm does not know it yet
-    stop_ids: tuple[int, ...] = ()  # the newest stops that are latched in this epoch
+    challenge: Challenge = b""  # to sign commands over; empty where none need be
+    stop_epoch: Epoch = 0  # grows with every latched stop; 0: comm does not know it yet
+    stop_ids: StopIds = ()  # the newest stops that are latched in this epoch
     resumed: bool = True  # a resume was given since this epoch's stop was released
-    life: int = 0  # of comm: another number after each restart
+    life: Identity = 0  # of comm: another number after each restart
 
 
 @dataclass(frozen=True, slots=True)
 class StopRequest:
     """e-Stop command: latch the software stop, or release the epoch it names. Repeated until the robot confirms."""
 
-    t_s: float
-    source: str
+    t_s: Seconds
+    source: Word
     latched: bool
     valid: bool = True
-    stop_id: int = 0  # of this press, drawn at random; its repeats carry the same
-    epoch: int = 0  # which stop is released: the `stop_epoch` that the person saw
+    stop_id: Identity = 0  # of this press, drawn at random; its repeats carry the same
+    epoch: Epoch = 0  # which stop is released: the `stop_epoch` that the person saw
 
 
 class Operation(Enum):
@@ -292,34 +332,34 @@ class Operation(Enum):
 class OperatorCommand:
     """What a person asks of the mission."""
 
-    t_s: float
+    t_s: Seconds
     operation: Operation
-    x_m: float = 0.0
-    y_m: float = 0.0
+    x_m: Metres = 0.0
+    y_m: Metres = 0.0
     valid: bool = True
-    command_id: int = 0  # repeated with the same one until PlannerView acknowledges it; 0 = wants no answer
-    epoch: int = 0  # of a resume: the stop epoch after which the robot may go on
+    command_id: CommandId = 0  # repeated with the same one until PlannerView acknowledges it; 0 = wants no answer
+    epoch: Epoch = 0  # of a resume: the stop epoch after which the robot may go on
 
 
 @dataclass(frozen=True, slots=True)
 class Status:
     """State, error code and memory of a module (CC_MR_03), ten times a second."""
 
-    t_s: float
-    state: str
-    error_code: int
-    memory_kb: int
+    t_s: Seconds
+    state: Word
+    error_code: ErrorNumber
+    memory_kb: Count
     ready: bool
-    beats: int  # passes of the module's own loop
-    detail: str = ""
+    beats: Count  # passes of the module's own loop
+    detail: Text = ""
     valid: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    t_s: float
-    level: str
-    text: str
+    t_s: Seconds
+    level: Word
+    text: Text
     valid: bool = True
 
 
@@ -327,11 +367,11 @@ class LogLine:
 class ClockTick:
     """Simulated time, under `local --speed N` only, and what was published before it: newest message of each topic."""
 
-    t_s: float
-    speed: float
-    topics: tuple[str, ...] = ()
-    boot_ids: tuple[int, ...] = ()
-    sequences: tuple[int, ...] = ()
+    t_s: Seconds
+    speed: Pace
+    topics: Topics = ()
+    boot_ids: BootIds = ()
+    sequences: Sequences = ()
     valid: bool = True
 
 
@@ -342,11 +382,11 @@ class ClockAck:
     With it, what the process published since its last answer.
     """
 
-    t_s: float
-    module: str
-    topics: tuple[str, ...] = ()
-    boot_ids: tuple[int, ...] = ()
-    sequences: tuple[int, ...] = ()
+    t_s: Seconds
+    module: Word
+    topics: Topics = ()
+    boot_ids: BootIds = ()
+    sequences: Sequences = ()
     valid: bool = True
 
 
@@ -357,12 +397,12 @@ class OutboxPiece:
     `outbox_id` is new whenever the outbox is opened: row numbers mean nothing beyond that.
     """
 
-    t_s: float
-    outbox_id: int
-    number: int
-    offset: int
-    total_bytes: int
-    data: bytes
+    t_s: Seconds
+    outbox_id: Identity
+    number: Count
+    offset: RowsBytes
+    total_bytes: RowsBytes
+    data: Piece
     valid: bool = True
     recorder_id: int = 0  # whom it is for; 0: whoever answers first
 
@@ -371,11 +411,11 @@ class OutboxPiece:
 class OutboxReceipt:
     """All rows before `number` are in the run database; of those sent from there on it holds `offset` bytes so far."""
 
-    t_s: float
-    outbox_id: int
-    number: int
-    offset: int = 0
-    total_bytes: int = 0
+    t_s: Seconds
+    outbox_id: Identity
+    number: Count
+    offset: RowsBytes = 0
+    total_bytes: RowsBytes = 0
     valid: bool = True
     recorder_id: int = 0
 

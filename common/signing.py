@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import hmac
 
+from common.fields import CHALLENGE_BYTES
 from common.messages import StopRequest
 
-CHALLENGE_BYTES = 16
 CHALLENGE_PERIOD_S = 2.0
 SEAL_BYTES = CHALLENGE_BYTES + 32  # challenge and HMAC-SHA256
 

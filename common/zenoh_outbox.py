@@ -17,10 +17,13 @@ import msgpack
 import zenoh
 
 from common.answer_budget import AnswerBudget
+from common.bus import UNFIT
 from common.codec import encode
+from common.field_checks import UnfitValue
 from common.frames import QUESTION_BYTES_MAX, RecentMessages, asked_after
 from common.messages import Stance, Topic
 from common.repeats import Repeats
+from common.undecodable import Undecodable
 from common.zenoh_session import direct
 
 P = TypeVar("P")
@@ -62,6 +65,7 @@ class Outbox(Generic[P]):
 
     def __init__(self, session: zenoh.Session, key: str, topic: Topic[P], boot_id: int, answers: Answers) -> None:
         self.sequence = 0
+        self._topic_key, self._unfit = topic.key, Undecodable(UNFIT)
         self._key, self._boot_id, self._answers = key, boot_id, answers
         self._lock = threading.Lock()
         self._history: list[bytes] | None = [] if topic.stance is Stance.STATE else None  # since the newest snapshot
@@ -76,8 +80,12 @@ class Outbox(Generic[P]):
     def publish(self, payload: P, seal: Callable[[bytes], bytes | None]) -> None:
         """Any thread may; `seal` makes of the message what goes with it."""
         with self._lock:
+            try:
+                data = encode(payload, self.sequence + 1, self._boot_id)
+            except UnfitValue as error:
+                self._unfit.count(self._topic_key, str(error))
+                return
             self.sequence += 1
-            data = encode(payload, self.sequence, self._boot_id)
             # First of all it is sent; who asks for what was kept waits for the lock
             self._publisher.put(data, attachment=seal(data))
             if self._recent is not None:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, cast
 from textual.app import App, SystemCommand
 from textual.binding import BindingType
 from textual.command import CommandPalette
+from textual.notifications import SeverityLevel
 from textual.screen import Screen
 from textual.theme import Theme
 
@@ -77,6 +78,18 @@ class CommandCenterApp(OperatorActions, App[int]):
         self._stop = stop or threading.Event()
         self._told_operation = 0
 
+    def notify(
+        self,
+        message: str,
+        *,
+        title: str = "",
+        severity: SeverityLevel = "information",
+        timeout: float | None = None,
+        markup: bool = False,
+    ) -> None:
+        """Words are never markup here, but where somebody says so."""
+        super().notify(message, title=title, severity=severity, timeout=timeout, markup=markup)
+
     def on_mount(self) -> None:
         self.register_theme(THEME)
         self.theme = THEME.name
@@ -114,8 +127,7 @@ class CommandCenterApp(OperatorActions, App[int]):
         result = snapshot.operation
         if result is not None and result.answer is not Answer.WAITING and result.serial != self._told_operation:
             self._told_operation = result.serial
-            severity = "information" if result.answer is Answer.TAKEN else "error"
-            self.notify(result.sentence, severity=severity)  # type: ignore[arg-type]
+            self.notify(result.sentence, severity="information" if result.answer is Answer.TAKEN else "error")
 
     def pull_bar(self) -> None:
         """The bar of the screen in front alone: a press must be seen at once."""

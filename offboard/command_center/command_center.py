@@ -202,7 +202,7 @@ class CommandCenter:
     def _redraw_trail(self, trajectory: Trajectory) -> None:
         """The past was corrected, or this program has just joined."""
         self._trail.clear()
-        self._trail.extend((float(x), float(y)) for x, y, _ in trajectory.poses)
+        self._trail.extend((x_m, y_m) for x_m, y_m in trajectory.poses[-TRAIL_MAX:, :2].tolist())
 
     def _extend_trail(self, pose: PoseEstimate) -> None:
         if pose.valid:

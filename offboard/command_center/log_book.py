@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 CAPACITY = 20_000
+CHARACTERS_MAX = 5_000_000  # in all of them: a long line costs as much as many short ones
 REPEAT_WINDOW_S = 10.0
 MESSAGE_LEVEL = "MESSAGE"  # of what is no log line but any other message
 LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
@@ -67,7 +68,7 @@ class LogFilter:
 
 @dataclass
 class LogBook:
-    """The newest CAPACITY entries, and those of them that pass the filter."""
+    """The newest CAPACITY entries, of CHARACTERS_MAX at most, and those of them that pass the filter."""
 
     capacity: int = CAPACITY
     filter: LogFilter = field(default_factory=LogFilter)
@@ -75,6 +76,7 @@ class LogBook:
     _all: deque[LogEntry] = field(default_factory=deque)
     _newest: dict[str, LogEntry] = field(default_factory=dict)  # by topic
     _numbered: int = 0
+    _characters: int = 0
 
     @property
     def total(self) -> int:
@@ -93,17 +95,18 @@ class LogBook:
             entry.number = self._numbered
             self._newest[entry.topic] = entry
             self._all.append(entry)
+            self._characters += len(entry.text)
             if self.filter.accepts(entry):
                 self.shown.append(entry)
-        while len(self._all) > self.capacity:
-            self._all.popleft()
+        while len(self._all) > self.capacity or self._characters > CHARACTERS_MAX:
+            self._characters -= len(self._all.popleft().text)
         oldest = self._all[0].number if self._all else 0
         fallen = bisect_left(self.shown, oldest, key=lambda entry: entry.number)
         del self.shown[:fallen]
         return fallen
 
     def set_filter(self, wanted: LogFilter) -> None:
-        """Raises re.error for a pattern that is no regular expression; the old filter stays then."""
+        """Raises re.error, OverflowError or RecursionError for a pattern that is none; the old filter stays then."""
         re.compile(wanted.pattern)
         self.filter = wanted
         self.shown = [entry for entry in self._all if wanted.accepts(entry)]

@@ -42,7 +42,7 @@ def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
     """The floor as large as it fits into so many character cells, y up."""
     codes = np.zeros((2 * rows, columns), np.uint8)
     pose = picture.pose
-    known = [picture.walls_m.astype(np.float64), picture.trail_m]
+    known = [picture.walls_m.astype(np.float64), picture.trail_m, picture.way_m.astype(np.float64)]
     if pose is not None:
         known.append(np.array([[pose.x_m, pose.y_m]]))
     points = np.concatenate([p.reshape(-1, 2) for p in known])

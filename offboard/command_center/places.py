@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from common.errors import sentence
+from common.fields import COORDINATE
 from offboard.command_center.snapshot import Finding
 from offboard.recorder.run_folder import POIS_NAME, RunFolderError, read_pois
 
@@ -25,6 +26,8 @@ def coordinates(text: str) -> tuple[float, float] | None:
         x_m, y_m = (float(part) for part in text.split(","))
     except ValueError as error:
         raise UnknownPlace(f"A place is written X,Y in metres, for example 3.5,-1; not {text}.") from error
+    if not all(COORDINATE.low <= metres <= COORDINATE.high for metres in (x_m, y_m)):
+        raise UnknownPlace(f"A place lies within {COORDINATE.high:.0f} m of the start, which {text} does not.")
     return x_m, y_m
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -156,8 +155,7 @@ class RunFiles:
             self._lines = None
 
     def _take_pose(self, pose: PoseEstimate) -> None:
-        in_order = pose.t_s > self._newest_pose_s
-        if in_order and all(map(isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
+        if pose.t_s > self._newest_pose_s:
             self._newest_pose_s = pose.t_s
             self._pending.append(run_folder.tum_line(pose.t_s, pose.x_m, pose.y_m, pose.heading_rad))
 

@@ -7,9 +7,10 @@ thread. `tokens` says what has changed: a client that has seen a channel's token
 from __future__ import annotations
 
 import dataclasses
+from collections import deque
 from collections.abc import Callable, Hashable, Iterable
 from itertools import count
-from math import hypot, inf, isfinite
+from math import hypot, inf
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,8 @@ from offboard.visualizer.poi_store import PoiRecord, record_of
 
 TRAIL_STEP_M = 0.05
 REACH_M = 500.0  # from the start: what is said to lie farther would make any picture endless
+TRAIL_MAX = 50_000  # poses since the smoothed path ends, which is sent every few seconds
+PHOTO_BYTES_MAX = 16_000_000  # of photos that the store has not taken yet; the newest count
 
 Token = tuple[int, int]
 
@@ -68,7 +71,8 @@ class LiveModel:
         self._versions = count(1)
         self._assembly = MapAssembly()
         self._smoothed: FloatArray = np.empty((0, 3))
-        self._since: list[tuple[float, float, float, float]] = []  # t, x, y, heading since the smoothed path ends
+        # t, x, y, heading since the smoothed path ends
+        self._since: deque[tuple[float, float, float, float]] = deque(maxlen=TRAIL_MAX)
         self._takers: dict[str, Callable[[Any], None]] = {
             POSE.key: self._take_pose,
             MAP.key: self._take_map,
@@ -80,9 +84,7 @@ class LiveModel:
         }
 
     def take(self, topic: Topic[Any], message: Any, arrived_s: float) -> None:
-        """A message that arrived at `arrived_s`. A place that is no number is as good as no message."""
-        if isinstance(message, (PoseEstimate, PointOfInterest)) and not isfinite(message.x_m + message.y_m):
-            return
+        """A message that arrived at `arrived_s`."""
         if topic.producer in ON_ROBOT:
             self.arrived_s["robot"] = arrived_s
         if isinstance(message, Status):
@@ -160,15 +162,21 @@ class LiveModel:
         self._smoothed = np.asarray(trajectory.poses, np.float64)
         times_s = np.asarray(trajectory.times_s)
         until_s = float(times_s[-1]) if len(times_s) else -inf
-        self._since = [pose for pose in self._since if pose[0] > until_s]
+        self._since = deque((pose for pose in self._since if pose[0] > until_s), TRAIL_MAX)
         self._changed("trail")
 
     def _take_poi(self, poi: PointOfInterest) -> None:
         record = record_of(poi)
         known = self.pois.get(poi.poi_id)
         if poi.photo_jpeg:
-            self.photos[poi.poi_id] = poi.photo_jpeg
+            self._keep_photo(poi.poi_id, poi.photo_jpeg)
         elif known is not None and known.has_photo:
             record = dataclasses.replace(record, has_photo=True)
         self.pois[poi.poi_id] = record
         self._changed("pois")
+
+    def _keep_photo(self, poi_id: int, photo: bytes) -> None:
+        self.photos.pop(poi_id, None)
+        self.photos[poi_id] = photo
+        while len(self.photos) > 1 and sum(map(len, self.photos.values())) > PHOTO_BYTES_MAX:
+            del self.photos[next(iter(self.photos))]

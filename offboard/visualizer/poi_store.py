@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -105,6 +106,8 @@ class RunFolderPois:
 
 
 def _record(entry: dict[str, Any]) -> PoiRecord:
+    if not isfinite(float(entry["x_m"]) + float(entry["y_m"])):
+        raise ValueError("a place that is none")
     return PoiRecord(
         poi_id=int(entry["poi_id"]),
         name=str(entry.get("name") or ""),

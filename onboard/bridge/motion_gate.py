@@ -7,6 +7,7 @@ permit quotes it, reports it until then, and obeys only permits of the newest ep
 from __future__ import annotations
 
 from common.constants import PERMIT_TIMEOUT_S
+from common.fields import STOPS_MAX
 from common.messages import Permit, StopRequest
 from onboard.bridge.protocol import StopSourceFlag, Stp
 
@@ -49,8 +50,8 @@ class MotionGate:
         return frozenset(self._held.values()) | frozenset(latched)
 
     def request(self, request: StopRequest) -> None:
-        """A stop acts here at once; a release is comm's."""
-        if request.latched and request.stop_id not in self._quoted_ids():
+        """A stop acts here at once; a release is comm's. Where STOPS_MAX hold the robot, one more adds nothing."""
+        if request.latched and request.stop_id not in self._quoted_ids() and len(self._held) < STOPS_MAX:
             self._held[request.stop_id] = request.source
 
     def board(self, session: int, report: Stp) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from math import degrees, nan, radians
 
 from common.constants import SONAR_AGE_MAX_S, SONAR_RING_RADIUS_M
 from common.errors import ErrorCode
+from common.fields import STOPS_MAX
 from common.geometry import wrap_angle
 from common.messages import (
     CarrierReport,
@@ -67,7 +69,7 @@ def distances(dst: Dst, t_s: float) -> Distances:
 
 
 def carrier_report(sta: CarSta, stop: Stp, t_s: float, gate: MotionGate) -> CarrierReport:
-    held = gate.held
+    held = dict(islice(gate.held.items(), STOPS_MAX))  # the others come once these are quoted
     return CarrierReport(
         t_s=t_s,
         state=_STATES[CarState(sta.state)],

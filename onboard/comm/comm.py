@@ -18,8 +18,9 @@ from common.bus import Bus
 from common.config import CommSection, Config
 from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode, StartError
+from common.fields import CHALLENGE_BYTES
 from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit
-from common.signing import CHALLENGE_BYTES, CHALLENGE_PERIOD_S
+from common.signing import CHALLENGE_PERIOD_S
 from common.status import StatusReporter
 from onboard.comm import stop_owner
 from onboard.comm.outbox import FILE_NAME, Outbox

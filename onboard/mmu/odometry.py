@@ -23,6 +23,8 @@ GYRO_DRIFT_SD_RAD_PER_SQRT_S = radians(0.05)  # between two standstills
 GYRO_SD_RAD = radians(0.05)
 MAX_SPEED_M_S = 1.0  # of a wheel: what goes further between two reports is no motion of this robot
 MAX_STEP_M = 0.1  # on top of that
+MAX_GAP_S = 5.0  # a board that hears nobody stands: it goes no further than it can in so long
+MAX_SILENCE_S = 600.0  # what comes from later than that is from another time, as is what lies MAX_GAP_S back
 GAP_S = 0.25  # over a longer gap the board's own dead reckoning knows the way better than one arc does
 BELIEVED_AFTER = 5  # reports that agree with each other and not with what came before: the ticks did jump
 
@@ -63,7 +65,7 @@ class OdometryFilter:
             self._last, self._jumped = odometry, None
             self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
             return last is None
-        if odometry.t_s <= last.t_s:
+        if -MAX_GAP_S < odometry.t_s - last.t_s <= 0.0:
             return True
         if not _reachable(last, odometry, self._tick_m):
             self._jump(odometry)
@@ -160,4 +162,6 @@ def _reachable(last: Odometry, odometry: Odometry, tick_m: float) -> bool:
         abs(odometry.ticks_left - last.ticks_left),
         abs(odometry.ticks_right - last.ticks_right),
     )
-    return ticks * tick_m <= MAX_STEP_M + MAX_SPEED_M_S * (odometry.t_s - last.t_s)
+    dt_s = odometry.t_s - last.t_s
+    way_m = max(ticks * tick_m, board_pose(last).distance_m(board_pose(odometry)))
+    return 0.0 < dt_s < MAX_SILENCE_S and way_m <= MAX_STEP_M + MAX_SPEED_M_S * min(dt_s, MAX_GAP_S)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +15,7 @@ from common.messages import GridUpdate
 
 UNKNOWN, FREE, WALL = 0, 1, 2
 CLEARANCE_MAX_CELLS = 16
+LINE_STEPS_MAX = 20_000  # over a kilometre; from one end of any floor to the other
 STAND_CLEARANCE_M = HULL_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
 OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not a way
 SLIVER_PASSES = 4  # closes holes of up to 0.7 m between rays
@@ -42,16 +42,9 @@ class GridMap:
     def from_update(cls, update: GridUpdate) -> GridMap:
         """What is known of the grid, with a margin, the gaps between neighbouring rays closed.
 
-        Raises GridError when the cells cannot be unpacked or do not fill the announced shape, or lie nowhere.
+        Raises GridError when the cells cannot be unpacked or do not fill the announced shape.
         """
-        if not (isfinite(update.origin_x_m) and isfinite(update.origin_y_m) and 0.0 < update.cell_m < inf):
-            raise GridError(f"cells of {update.cell_m} m from ({update.origin_x_m}, {update.origin_y_m}) on")
-        if update.rows <= 0 or update.columns <= 0:
-            raise GridError(f"{update.rows} rows and {update.columns} columns")
-        try:
-            cells = np.frombuffer(zlib.decompress(update.cells_zlib), np.uint8).reshape(update.rows, update.columns)
-        except (zlib.error, ValueError) as error:
-            raise GridError(str(error)) from error
+        cells = _inflated(update.cells_zlib, update.rows * update.columns).reshape(update.rows, update.columns)
         known = np.argwhere(cells != UNKNOWN)
         if not len(known):
             return cls(cells, update.origin_x_m, update.origin_y_m, update.cell_m)
@@ -131,7 +124,7 @@ class GridMap:
 
     def line(self, a: tuple[float, float], b: tuple[float, float]) -> tuple[npt.NDArray[np.int64], ...]:
         """Rows and columns of the cells from position a to position b, clipped to the grid."""
-        steps = max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / (0.6 * self.cell_m)), 1)
+        steps = min(max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / (0.6 * self.cell_m)), 1), LINE_STEPS_MAX)
         f = np.linspace(0.0, 1.0, steps + 1)
         columns = ((a[0] + f * (b[0] - a[0]) - self.origin_x_m) / self.cell_m).astype(np.int64)
         rows = ((a[1] + f * (b[1] - a[1]) - self.origin_y_m) / self.cell_m).astype(np.int64)
@@ -140,6 +133,18 @@ class GridMap:
     def sees(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
         """No wall between two positions."""
         return not bool((self.cells[self.line(a, b)] == WALL).any())
+
+
+def _inflated(pressed: bytes, count: int) -> npt.NDArray[np.uint8]:
+    """So many cells; a few bytes may claim to be gigabytes, so no more than these are unpacked."""
+    inflater = zlib.decompressobj()
+    try:
+        cells = inflater.decompress(pressed, count + 1)
+    except zlib.error as error:
+        raise GridError(str(error)) from error
+    if len(cells) != count or not inflater.eof:
+        raise GridError(f"not the {count} cells of its rows and columns")
+    return np.frombuffer(cells, np.uint8)
 
 
 def _close_slivers(cells: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:

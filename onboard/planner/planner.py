@@ -75,7 +75,7 @@ class Planner:
         self._grid_revision = 0
         self._points: Points = _NO_POINTS
         self._wanted = Motion(Speed.STOP, 0.0)
-        self._pose_seen_s = -math.inf
+        self._pose_seen: PoseEstimate | None = None
         self._command_id = 0
         self._commanded: DriveCommand | None = None
         self._view_sent_s = -math.inf
@@ -170,8 +170,8 @@ class Planner:
             self._emergency = Emergency()
             self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
             return
-        if pose.t_s > self._pose_seen_s:
-            self._pose_seen_s = pose.t_s
+        if pose is not self._pose_seen:
+            self._pose_seen = pose
             asked = speed(self._override, now_s)
             if asked is None:
                 self._wanted = self._mission.step(self._view(now_s, pose))

@@ -52,6 +52,26 @@ def test_no_source_holds_the_address_of_a_package_index() -> None:
     assert hits(PACKAGE_INDEX) == []
 
 
+def takes_markup(node: ast.AST) -> bool:
+    """A widget that takes words for markup, or a title that was not made by `title`."""
+    if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Static", "Label"):
+        return "markup=False" not in ast.unparse(node)
+    if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Attribute):
+        framed = node.targets[0].attr in ("border_title", "border_subtitle", "tooltip")
+        return framed and not ast.unparse(node.value).startswith("title(")
+    return False
+
+
+def test_the_command_center_takes_no_words_for_markup() -> None:
+    assert [
+        f"{module.path}:{getattr(node, 'lineno', 0)}"
+        for module in MODULES
+        if module.path.startswith("offboard/command_center/")
+        for node in ast.walk(module.tree)
+        if takes_markup(node)
+    ] == []
+
+
 def passes_on(handler: ast.ExceptHandler) -> bool:
     """It tidies up and raises again."""
     last = handler.body[-1]

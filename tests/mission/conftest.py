@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from common.bus import UNFIT
 from common.errors import StartError
 from offboard.simulator.lockstep import Lockstep, build
 from offboard.simulator.options import RunOptions
@@ -73,6 +74,13 @@ def hall_with_door(tmp_path_factory: pytest.TempPathFactory) -> Path:
     content["posters"] = [on_wall | {"x_m": 6.0, "width_m": 0.42, "height_m": 0.59, "text": "Open day 2019"}]
     path.write_text(json.dumps(content), encoding="utf-8")
     return path
+
+
+@pytest.fixture(autouse=True)
+def nothing_unfit_is_said(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
+    """What a node says of itself stays within the bounds of the message table."""
+    yield
+    assert [text for text in caplog.messages if UNFIT in text] == []
 
 
 @pytest.fixture

@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from common.bus import LocalMesh
+from common.codec import decode
 from common.errors import ErrorCode
+from common.frames import Frame
 from common.messages import (
     CARRIER,
     LOG,
@@ -40,6 +42,7 @@ from common.messages import (
     PoseEstimate,
     Status,
     StopRequest,
+    Topic,
 )
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.command_center import CommandCenter
@@ -59,11 +62,18 @@ def piloted(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
     return run
 
 
+class Wire(LocalMesh):
+    """What arrives has been bytes: it is as the codec lets it in."""
+
+    def deliver(self, topic: Topic[Any], payload: Any, frame: Frame) -> None:
+        super().deliver(topic, decode(frame.data, topic.payload).payload, frame)
+
+
 class Rig:
     """`run` lets time pass for robot and node; `silent` names modules that say nothing, `deaf` stops hear nothing."""
 
     def __init__(self) -> None:
-        self.mesh = LocalMesh()
+        self.mesh = Wire()
         self.bus = self.mesh.endpoint("command_center")
         self.robot = self.mesh.endpoint("robot")
         self.node = CommandCenter(lambda: self.mesh.now_s)
@@ -72,6 +82,7 @@ class Rig:
         self.sources: set[str] = set()
         self.deaf = False
         self.moves = True
+        self.words = ""  # what every module says of itself
         self.stops: list[StopRequest] = []
         self.operations: list[OperatorCommand] = []
         self.epoch, self.stop_ids, self.button_pressed = 1, list[int](), False
@@ -134,7 +145,8 @@ class Rig:
         for module in SPEAKING:
             if module not in self.silent:
                 error = self.errors.get(module, ErrorCode.OK)
-                say(STATUS[module], Status(now_s, "RUN", int(error), 51_200, error is ErrorCode.OK, self._ticks))
+                ready, words = error is ErrorCode.OK, self.words
+                say(STATUS[module], Status(now_s, words or "RUN", int(error), 51_200, ready, self._ticks, words))
         standing = (bool(self.sources) and now_s - self._latched_s >= BRAKING_S) or not self.moves
         speed_m_s = 0.0 if standing else 0.16
         if "bridge" not in self.silent:
@@ -143,12 +155,10 @@ class Rig:
             say(CARRIER, replace(report, board_epoch=self.epoch, button_pressed=self.button_pressed))
         if "comm" not in self.silent:
             sources, stop_ids = tuple(sorted(self.sources)), tuple(self.stop_ids)
-            say(PERMIT, Permit(now_s, not sources, "", sources, stop_epoch=self.epoch, stop_ids=stop_ids))
+            say(PERMIT, Permit(now_s, not sources, self.words, sources, stop_epoch=self.epoch, stop_ids=stop_ids))
         if "mmu" not in self.silent:
             say(POSE, PoseEstimate(now_s, 3.2, -1.05, 1.57, 0.0, 0.03, 0.01, 1))
         if "planner" not in self.silent:
             way = np.array([[4.0, 0.0]], np.float32)
-            say(
-                PLAN,
-                PlannerView(now_s, "STRAIGHT", "following the hall", way, 3, 42.5, False, True, self._acknowledged),
-            )
+            does = self.words or "following the hall"
+            say(PLAN, PlannerView(now_s, "STRAIGHT", does, way, 3, 42.5, False, True, self._acknowledged))

@@ -6,11 +6,12 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
+from textual.content import Content
 from textual.pilot import Pilot
 from textual.widgets import Input
 
 from common.errors import ERRORS, ErrorCode
-from common.messages import MODULES, Operation
+from common.messages import MODULES, PERMIT, POI, Operation, PointOfInterest
 from offboard.command_center.actions import KEEP_MESH
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.screens.guarded import Guarded
@@ -305,6 +306,51 @@ async def test_the_filter_shows_in_the_title_with_the_share_that_passes(tmp_path
         assert "no regular expression" in str(view.border_subtitle)
         await pilot.press("x")
         assert len(view.book.shown) == view.book.total
+
+
+HOSTILE = "[/a] [bold red]x[@click=app.bell] \\[ \x1b]0;t\x07\x1b[2J\x9b31m two\nlines \u202eturned"
+CLEANED = "[/a] [bold red]x[@click=app.bell] \\[ \ufffd]0;t\ufffd\ufffd[2J\ufffd31m two lines \ufffdturned"
+
+
+@piloted
+async def test_words_from_outside_are_never_markup_nor_reach_the_terminal_as_control_characters(tmp_path: Path) -> None:
+    rig = Rig()
+    rig.words, rig.sources = HOSTILE, {HOSTILE, "operator"}
+    rig.log("mmu", HOSTILE, HOSTILE)
+    rig.robot.publish(POI, PointOfInterest(0.0, 1, HOSTILE, HOSTILE, 1.0, 1.0, HOSTILE, HOSTILE, 0.5, HOSTILE))
+    rig.node.show_messages(frozenset({PERMIT.key, POI.key}))
+    app = rig.app(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        app.main.set_topics(frozenset({PERMIT.key, POI.key}))
+        await settle(rig, app, pilot)
+        assert CLEANED in bar(app)
+        assert cell(app, "mmu", "state") == CLEANED
+        assert f"none  {CLEANED}" in str(app.main.robot.render())
+        texts = [entry.text for entry in app.main.log_view.book.shown]
+        assert any(text.endswith(f"_{CLEANED},{CLEANED}") for text in texts)
+        assert all(text.isprintable() for text in texts)
+        await pilot.press("p")
+        await settle(rig, app, pilot)
+        assert any(f"stands: {CLEANED}" in notification.message for notification in app._notifications)
+        await pilot.press("g", *"[/a],", "enter")
+        assert "[/a]," in str(app.screen.query_one(".warning").render())
+
+
+@pytest.mark.parametrize("pattern", ["[/a]", "[", "a{99999999999}", "(" * 2000 + ")" * 2000, "[bold]x"])
+@piloted
+async def test_search_takes_whatever_is_typed_and_shows_it_as_it_is(pattern: str, tmp_path: Path) -> None:
+    rig = Rig()
+    app = rig.app(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await pilot.press("slash")
+        app.main.search.value = pattern
+        await settle(rig, app, pilot)
+        shown = Content.from_markup(app.main.log_view.border_title or "").plain
+        said = Content.from_markup(app.main.log_view.border_subtitle or "").plain
+        assert f"/{pattern}/" in shown or "no regular expression" in said
+        await pilot.press("ctrl+e")
+        await settle(rig, app, pilot)
+        assert "LATCHED" in bar(app)
 
 
 @piloted

@@ -8,6 +8,7 @@ import pytest
 
 from common.bus import LocalMesh
 from common.constants import SONAR_RING_RADIUS_M
+from common.fields import STOPS_MAX
 from common.messages import (
     CARRIER,
     DISTANCES,
@@ -421,6 +422,18 @@ def test_a_restarted_planner_stops_a_robot_that_the_one_before_set_going() -> No
     rig.drive(26, Speed.STOP, boot=2)
     rig.run_until(lambda: rig.bench.pwm == (0, 0), 2.0)
     assert (rig.carrier.boot, rig.carrier.command_id) == (2, 26)
+
+
+def test_however_many_stops_are_pressed_all_are_held_and_the_carrier_is_reported() -> None:
+    rig = driving_rig()
+    for stop_id in range(1, 200):
+        rig.others.publish(STOP, StopRequest(rig.now_s, "x" * stop_id, True, stop_id=stop_id))
+    rig.run(1.0)
+    report = rig.others.latest(CARRIER)
+    assert report is not None
+    assert rig.others.age_s(CARRIER) < 0.2
+    assert len(report.stop_ids) == STOPS_MAX
+    assert rig.speed_m_s == pytest.approx(0.0, abs=0.01)
 
 
 def test_stop_byte_from_noise_is_released_because_nobody_asked_for_it() -> None:

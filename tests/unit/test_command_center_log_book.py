@@ -73,3 +73,10 @@ def test_the_book_is_bounded_and_shows_what_it_holds(lines: list[tuple[int, str]
         assert book.total <= capacity
     expected = [f"{n} {t}" for n, (t, lv) in enumerate(lines) if LEVELS.index(lv) >= 2 and n >= len(lines) - capacity]
     assert shown(book) == expected
+
+
+def test_long_lines_fill_the_book_as_many_short_ones_do() -> None:
+    book = LogBook()
+    book.add(entry("x" * 1000 + str(number)) for number in range(8_000))
+    assert 4_000 < book.total == len(book.shown) < 5_000
+    assert book.shown[-1].message.endswith("7999")

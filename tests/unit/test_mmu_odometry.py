@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from math import nan, pi, radians
+from typing import Any
 
 import pytest
 
@@ -149,3 +150,25 @@ def test_a_report_that_is_no_number_is_left_out(field: str) -> None:
     reports = drive(5.0, 0.16)
     broken = replace(reports[30], **{field: nan})
     assert_at(after([*reports[:30], broken, *reports[31:]]).pose, 0.8, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "wild", [{"x_m": 1e5}, {"y_m": -1e5}, {"t_s": 1e9, "x_m": 1e5}, {"t_s": 1e9}, {"t_s": 1e9, "ticks_left": 2**31 - 1}]
+)
+def test_a_report_that_no_motion_of_this_robot_explains_moves_nothing_and_is_forgotten(wild: dict[str, Any]) -> None:
+    reports = list(drive(4.0, 0.2))
+    found = OdometryFilter()
+    for report in reports[:20]:
+        found.update(report)
+    assert not found.update(replace(reports[20], **wild))
+    for report in reports[21:]:
+        assert found.update(report)
+    assert_at(found.pose, 0.8, 0.0, 0.0, tolerance=0.05)
+
+
+def test_time_that_leaps_for_good_is_believed_in_the_end() -> None:
+    reports = [replace(report, t_s=report.t_s - 1000.0) for report in drive(2.0, 0.2)]
+    found = OdometryFilter()
+    found.update(replace(reports[0], t_s=5.0))
+    assert [found.update(report) for report in reports[1:]][-1]
+    assert found.carried

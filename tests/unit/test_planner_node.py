@@ -435,3 +435,12 @@ def test_a_grid_where_nothing_is_known_does_no_harm() -> None:
     robot.run(0.5)
     robot.ask(Operation.START)
     assert robot.run(3.0)
+
+
+def test_a_pose_from_a_far_time_does_not_end_the_steering() -> None:
+    robot = Robot().started()
+    assert robot.pose is not None
+    robot.others.publish(POSE, replace(robot.pose, t_s=1e9))
+    robot.planner.step(robot.bus, robot.now_s)
+    robot.ask(Operation.GOTO, 900.0, 900.0)
+    assert not moving(robot.run(2.0)[-5:]), "no way leads there"

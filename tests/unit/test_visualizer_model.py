@@ -35,6 +35,7 @@ from common.messages import (
 )
 from offboard.recorder import run_folder
 from offboard.visualizer.feed import Feed
+from offboard.visualizer.live_model import PHOTO_BYTES_MAX, LiveModel
 from offboard.visualizer.poi_store import PoiRecord, RunFolderPois
 from offboard.visualizer.protocol import Frame
 
@@ -169,17 +170,9 @@ def test_every_module_is_named_with_its_error_in_words(watched: Watched) -> None
     assert "state" not in modules["poi"]
 
 
-def test_broken_numbers_break_no_page(watched: Watched) -> None:
-    watched.feed.take(POSE, pose(1.0))
-    watched.feed.take(POSE, pose(float("nan")))
-    watched.feed.take(POI, dataclasses.replace(door(1), x_m=float("inf")))
-    watched.feed.take(POI, dataclasses.replace(door(2), confidence=float("nan")))
-    path = np.array([[np.nan, 2.0]], np.float32)
-    watched.feed.take(PLAN, PlannerView(0.0, "ROUTE", "", path, 3, float("nan"), False))
-    news = watched.news()
-    assert news["pose"]["x_m"] == 1.0
-    assert [(poi["poi_id"], poi["confidence"]) for poi in news["pois"]["pois"]] == [(2, None)]
-    assert (news["plan"]["area_m2"], news["plan"]["path_m"]) == (None, [[None, 2.0]])
+def test_an_uncertainty_without_bounds_goes_out_as_null(watched: Watched) -> None:
+    watched.feed.take(POSE, dataclasses.replace(pose(1.0), sd_xy_m=float("inf")))
+    assert watched.news()["pose"]["sd_xy_m"] is None
 
 
 def test_the_trail_is_smoothed_as_far_as_that_reaches(watched: Watched) -> None:
@@ -266,3 +259,12 @@ def entry(poi_id: int, photo: str = "", t_s: float = 1.0) -> dict[str, Any]:
 
 def write_pois(folder: Path, *entries: dict[str, Any]) -> None:
     run_folder.write_json(folder / run_folder.POIS_NAME, list(entries))
+
+
+def test_photos_that_no_store_takes_are_kept_up_to_a_limit() -> None:
+    model = LiveModel()
+    for number in range(40):
+        model.take(POI, door(number, photo=bytes(1_000_000)), 1.0)
+    assert sum(map(len, model.photos.values())) <= PHOTO_BYTES_MAX
+    assert 39 in model.photos
+    assert len(model.pois) == 40

@@ -12,6 +12,7 @@ from textual.screen import ModalScreen, Screen
 
 from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.stop_bar import StopBar
+from offboard.command_center.widgets.titles import title
 
 if TYPE_CHECKING:
     from typing import Any
@@ -55,7 +56,7 @@ class GuardedModal(Guarded, ModalScreen[T]):
     def compose(self) -> ComposeResult:
         yield self.make_bar()
         with Vertical(classes="box") as box:
-            box.border_title = self.heading
+            box.border_title = title(self.heading)
             yield from self.content()
 
     def content(self) -> ComposeResult:

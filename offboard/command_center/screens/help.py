@@ -51,5 +51,5 @@ class HelpScreen(GuardedModal[None]):
     def content(self) -> ComposeResult:
         with VerticalScroll(id="help"):
             yield Static(_STOP, markup=False, classes="question")
-            yield Static(keys_table())
+            yield Static(keys_table(), markup=False)
             yield Static(_AGES, markup=False, classes="question")

@@ -73,7 +73,7 @@ class MainScreen(Guarded, Screen[None]):
         try:
             self.log_view.set_filter(wanted)
             self.log_view.tell_problem("")
-        except re.error as error:
+        except (re.error, OverflowError, RecursionError) as error:
             self.log_view.tell_problem(f"no regular expression: {error}")
 
     def open_search(self) -> None:

@@ -16,6 +16,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogBook, LogEntry, LogFilter
+from offboard.command_center.widgets.titles import title
 
 _LEVEL_STYLES = {
     "DEBUG": Style(color="#6e7681"),
@@ -73,7 +74,7 @@ class LogView(ScrollView, can_focus=True):
         self._settle(fallen)
 
     def set_filter(self, wanted: LogFilter) -> None:
-        """Raises re.error for a pattern that is no regular expression."""
+        """Raises as `LogBook.set_filter` does."""
         self.book.set_filter(wanted)
         self._columns = max((_LEAD + len(e.text) for e in self.book.shown), default=0)
         self._settle(0)
@@ -153,7 +154,7 @@ class LogView(ScrollView, can_focus=True):
 
     def _retitle(self) -> None:
         book = self.book
-        self.border_title = f"LOG {len(book.shown)}/{book.total} · {book.filter.describe()}"
+        self.border_title = title(f"LOG {len(book.shown)}/{book.total} · {book.filter.describe()}")
         notes = []
         if self.problem:
             notes.append(self.problem)
@@ -161,7 +162,7 @@ class LogView(ScrollView, can_focus=True):
             notes.append(f"{self.lines_dropped} dropped")
         if not self.following:
             notes.append(f"PAUSED, {self._unseen} new · f follows")
-        self.border_subtitle = " · ".join(notes)
+        self.border_subtitle = title(" · ".join(notes))
         self.set_class(not self.following, "-paused")
 
     def tell_problem(self, problem: str) -> None:

@@ -10,6 +10,7 @@ from textual.widgets import Static
 
 from offboard.command_center.mini_map import EMPTY, INFERRED, TRAIL, WALL, WAY, Raster, draw
 from offboard.command_center.snapshot import FloorPicture
+from offboard.command_center.widgets.titles import title
 
 _COLOURS = {EMPTY: "#0d1117", WAY: "#1f4b6e", TRAIL: "#2f81f7", INFERRED: "#6e7681", WALL: "#e6edf3"}
 _STYLES = {
@@ -44,10 +45,10 @@ class MapPanel(Static):
     """Draws what it is given as large as it is."""
 
     def __init__(self) -> None:
-        super().__init__(id="map")
+        super().__init__(id="map", markup=False)
 
     def on_mount(self) -> None:
-        self.border_title = "MAP"
+        self.border_title = title("MAP")
 
     def show(self, picture: FloorPicture) -> None:
         size = self.content_size
@@ -56,4 +57,4 @@ class MapPanel(Static):
         raster = draw(picture, size.width, size.height)
         self.update(picture_text(raster, live=picture.pose_live))
         scale = f"{len(picture.walls_m)} points · 10 columns = {10 * raster.square_m:.1f} m"
-        self.border_subtitle = scale if picture.pose_live or picture.pose is None else f"STALE · {scale}"
+        self.border_subtitle = title(scale if picture.pose_live or picture.pose is None else f"STALE · {scale}")

@@ -9,6 +9,7 @@ from common.messages import MODULES
 from offboard.command_center.command_center import SHOWN_MODULES
 from offboard.command_center.module_watch import Freshness, ModuleRow
 from offboard.command_center.snapshot import Snapshot
+from offboard.command_center.widgets.titles import title
 
 # Key, heading and width; the last one is cut off by the edge of the table
 COLUMNS = (
@@ -100,7 +101,7 @@ class ModuleTable(DataTable[Text]):
                     self.update_cell(row.module, key, new[i])
             self._shown[row.module] = new
         live = sum(row.freshness is Freshness.LIVE for row in snapshot.rows)
-        self.border_title = f"MODULES {live}/{len(snapshot.rows)} live"
+        self.border_title = title(f"MODULES {live}/{len(snapshot.rows)} live")
         marked = snapshot.rows[self.cursor_row] if snapshot.rows else None
         # The marked row's words in full: its cell may be too narrow for them
-        self.border_subtitle = explanation(marked) if marked is not None else ""
+        self.border_subtitle = title(explanation(marked) if marked is not None else "")

@@ -10,6 +10,7 @@ from textual.widgets import Static
 from offboard.command_center.module_watch import STALE_S
 from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.module_table import age_text
+from offboard.command_center.widgets.titles import title
 
 _LABEL, _OLD, _VALUE = "#8b949e", "italic #8b949e", "bold"
 _WIDTH = 10
@@ -78,12 +79,12 @@ class RobotPanel(Static):
     """A few labelled lines."""
 
     def __init__(self, page: str) -> None:
-        super().__init__(id="robot")
+        super().__init__(id="robot", markup=False)
         self._page = page
         self._shown: Text | None = None
 
     def on_mount(self) -> None:
-        self.border_title = "ROBOT"
+        self.border_title = title("ROBOT")
 
     def show(self, snapshot: Snapshot) -> None:
         lines = [*mission_lines(snapshot), *position_lines(snapshot), *drive_lines(snapshot), permit_line(snapshot)]

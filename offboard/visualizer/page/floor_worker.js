@@ -3,7 +3,15 @@
 
 onmessage = async ({ data: { body, rows, columns, colour } }) => {
   const stream = new Blob([body]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const cells = new Uint8Array(await new Response(stream).arrayBuffer());
+  const cells = new Uint8Array(rows * columns);
+  const reader = stream.getReader();
+  for (let at = 0; at < cells.length; ) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    cells.set(value.subarray(0, cells.length - at), at);
+    at += value.length;
+  }
+  reader.cancel(); // what lies beyond the floor, however much that is
   const image = new ImageData(columns, rows);
   const pixels = new Uint32Array(image.data.buffer);
   const [red, green, blue] = colour;

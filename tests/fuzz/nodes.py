@@ -1,0 +1,301 @@
+"""Every node behind the real way in: bytes are decoded, counted or dropped as on the mesh, then the node steps.
+
+A calm drive along a hall goes on beside whatever else is thrown at the node, so that it has something to work with.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from math import cos, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common import messages as m
+from common.bus import LocalBus, LocalMesh
+from common.codec import encode
+from common.config import CommSection, PoiSection
+from common.frames import Frame, Losses, Tap
+from common.messages import TOPICS, Topic
+from common.node import Node
+from common.zenoh_inbox import Reader
+from offboard.command_center import log_book, mini_map
+from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
+from offboard.command_center.widgets import module_table, robot_panel, stop_bar
+from offboard.recorder.outbox_inbox import OutboxInbox
+from offboard.recorder.recorder import Recorder
+from offboard.recorder.run_schema import TOPIC_OF_KEY
+from offboard.visualizer.feed import Feed
+from offboard.visualizer.visualizer import Visualizer
+from onboard.bridge.bridge import Bridge
+from onboard.comm.comm import Comm
+from onboard.comm.outbox import PIECE_BYTES, Outbox
+from onboard.comm.outbox_store import pack_row
+from onboard.comm.stop_keeper import StopKeeper
+from onboard.comm.stop_record import RECORD_NAME
+from onboard.mmu.deferred_worker import DeferredWorker
+from onboard.mmu.mmu import MappingUnit
+from onboard.planner.planner import Planner
+from onboard.poi.poi import Poi
+from onboard.poi.reading_worker import DeferredReading
+from tests.firmware.bench import Bench
+
+import msgpack  # isort: skip
+
+CALM_PERIOD_S = 0.1
+BOOT_ID = 77
+_BY_OUTBOX = {topic.key for topic in m.ROBOT_RECORDED}
+
+
+class WireBus(LocalBus):
+    """What arrives is bytes. `unread` counts what nothing could be made of."""
+
+    def __init__(self, mesh: LocalMesh, name: str) -> None:
+        super().__init__(mesh, name, boot_id=1)
+        self.mesh, self.reader = mesh, Reader()
+        self._tap: Tap | None = None
+
+    def hear(self, topic: Topic[Any], data: bytes) -> None:
+        if self._tap is not None and topic.key in self.tapped:
+            self._tap.store(topic.key, data)
+        envelope = self.reader.read(topic, data)
+        if envelope is not None:
+            self._receive(topic, envelope.payload)
+
+    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        self.tapped = {topic.key for topic in topics}
+        self._tap = Tap(self.tapped, (), known, lambda key, asked: None)
+
+    def take_frames(self) -> list[Frame]:
+        return self._tap.frames() if self._tap is not None else []
+
+    def take_lost(self) -> Losses:
+        return self._tap.take_lost() if self._tap is not None else {}
+
+
+@dataclass
+class Stage:
+    """A node with its bus, and what goes on beside its step."""
+
+    node: Node
+    bus: WireBus
+    topics: tuple[Topic[Any], ...]  # that it reads
+    beside: Callable[[float], None] = lambda now_s: None
+    wrap: Callable[[list[tuple[str, bytes]]], None] | None = None  # another way in than the topics themselves
+    folder: tempfile.TemporaryDirectory[str] | None = None
+    motors: Callable[[], bool] = lambda: False
+
+    def close(self) -> None:
+        self.node.close()
+        if self.folder is not None:
+            self.folder.cleanup()
+
+
+def calm(now_s: float, permit: bool) -> list[tuple[Topic[Any], Any]]:
+    """What the robot says now while it drives to and fro in a hall of 1.6 m."""
+    x_m, tick = 5.0 + 4.0 * sin(0.04 * now_s), round(now_s / CALM_PERIOD_S)
+    speed_m_s = 0.16 * cos(0.04 * now_s)
+    ticks = round(x_m / 0.000144)
+    said: list[tuple[Topic[Any], Any]] = [
+        (m.ODOMETRY, m.Odometry(now_s, ticks, ticks, 0.0, 0.0, x_m, 0.0, speed_m_s, False, False, False, 1)),
+        (m.RANGES, m.Ranges(now_s, (0.8, 1.13, 12.0 - x_m if x_m > 6 else float("nan"), 1.13, 0.8), (0.05,) * 5)),
+        (m.DISTANCES, m.Distances(now_s, 0.8, 0.8, 12.0 - x_m)),
+        (m.CARRIER, m.CarrierReport(now_s, m.CarrierState.MOVING, 1, 0, 0, speed_m_s, 80, 80, True, False, 12.0)),
+        (m.POSE, m.PoseEstimate(now_s, x_m, 0.0, 0.0, 0.0, 0.05, 0.01, 1)),
+        (m.PERMIT, m.Permit(now_s, permit, "", challenge=b"c" * 16)),
+    ]
+    said += [(topic, m.Status(now_s, "RUN", 0, 50_000, True, tick)) for topic in m.STATUS.values()]
+    if tick % 5 == 0:
+        start = tick % 300
+        xs = np.linspace(0.0, 12.0, 20, dtype=np.float32)
+        points = np.stack([xs, np.where(np.arange(20) % 2, 0.8, -0.8).astype(np.float32)], axis=1)
+        said += [
+            (m.MAP, m.MapUpdate(now_s, 1 + tick // 300, 4 * start, points, np.zeros(20, np.uint8))),
+            (m.PLAN, m.PlannerView(now_s, "STRAIGHT", "following the hall", points[:5], 2, 40.0, False)),
+        ]
+    if tick % 10 == 0:
+        cells = np.zeros((60, 160), np.uint8)
+        cells[22:38, 5:140] = 1
+        cells[[21, 38], 5:140] = 2
+        pressed = zlib.compress(cells.tobytes(), 1)
+        said += [
+            (m.GRID, m.GridUpdate(now_s, tick, -1.0, -3.0, 0.1, 60, 160, pressed)),
+            (m.LOG["mmu"], m.LogLine(now_s, "INFO", "all is well")),
+        ]
+    if tick % 100 == 0:
+        path = np.stack([np.linspace(0, 9, 20), np.zeros(20), np.zeros(20)], axis=1)
+        said.append((m.TRAJECTORY, m.Trajectory(now_s, np.linspace(0, now_s, 20), path)))
+    if tick % 200 == 1:
+        said.append((m.OPERATION, m.OperatorCommand(now_s, m.Operation.START, command_id=tick)))
+    return said
+
+
+def _read_by(name: str) -> tuple[Topic[Any], ...]:
+    return tuple(topic for topic in TOPICS if name in topic.consumers)
+
+
+def bridge(bus: WireBus) -> Stage:
+    """With the real firmware at the far end of its port."""
+    bench = Bench()
+
+    class Port:
+        def read(self) -> bytes:
+            return bench.board.serial_read()
+
+        def write(self, data: bytes) -> None:
+            bench.board.serial_write(data)
+
+    def beside(now_s: float) -> None:
+        for _ in range(2):
+            bench.now_us += 5000
+            bench.board.imu(0, 0, 16384, 0, 0, bench.gyro_counts(0.0))
+            for sonar in bench.board.fired():
+                bench.board.echo(sonar, bench.echo_us[sonar])
+            bench.board.run(bench.now_us)
+
+    def motors() -> bool:
+        left, right, enabled = bench.board.outputs()
+        return bool(enabled or left or right)
+
+    return Stage(Bridge(Port), bus, _read_by("bridge"), beside, motors=motors)
+
+
+def mmu(bus: WireBus) -> Stage:
+    worker = DeferredWorker()
+    return Stage(MappingUnit(worker), bus, _read_by("mmu"), lambda now_s: worker.work())
+
+
+def planner(bus: WireBus) -> Stage:
+    return Stage(Planner(images_walls=True), bus, _read_by("planner"))
+
+
+def comm(bus: WireBus) -> Stage:
+    """With a recorder that takes all it sends."""
+    folder = tempfile.TemporaryDirectory()
+    outbox = Outbox(Path(folder.name) / "outbox.sqlite", 20_000_000, new_id=1)
+    node = Comm(CommSection(), StopKeeper(Path(folder.name) / RECORD_NAME), outbox)
+    far, inbox = bus.mesh.endpoint("recorder"), OutboxInbox({})
+
+    def beside(now_s: float) -> None:
+        for piece in far.take(m.OUTBOX):
+            inbox.take(piece)
+        if inbox.complete is not None:
+            inbox.stored(inbox.delivery(now_s))
+        receipt = inbox.receipt(now_s)
+        if receipt is not None:
+            bus.hear(m.RECEIPT, encode(receipt, 1, BOOT_ID))
+
+    return Stage(node, bus, _all_heard_by_comm(), beside, folder=folder)
+
+
+def _all_heard_by_comm() -> tuple[Topic[Any], ...]:
+    return tuple(dict.fromkeys((*_read_by("comm"), *m.ROBOT_RECORDED)))
+
+
+class NoCamera:
+    def preview(self, now_s: float) -> None:
+        return None
+
+    def request_full(self) -> None:
+        """Never comes."""
+
+    def full(self, now_s: float) -> None:
+        return None
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def poi(bus: WireBus) -> Stage:
+    reading = DeferredReading(lambda: lambda job: None)  # type: ignore[arg-type,return-value]
+    return Stage(Poi(PoiSection(), NoCamera(), reading), bus, _read_by("poi"))
+
+
+def recorder(bus: WireBus) -> Stage:
+    """What the robot says comes in pieces of the outbox too."""
+    folder = tempfile.TemporaryDirectory()
+    row = 0
+
+    def wrap(heard: list[tuple[str, bytes]]) -> None:
+        nonlocal row
+        row += 1
+        frames = [Frame(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(heard)]
+        rows = msgpack.packb([[row, pack_row(frames, {})]])
+        for at in range(0, len(rows), PIECE_BYTES):
+            piece = m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
+            bus.hear(m.OUTBOX, encode(piece, 1, BOOT_ID))
+
+    node = Recorder(Path(folder.name))
+    node._files.draw = lambda: None  # type: ignore[method-assign]  # pictures are the export's matter
+    return Stage(node, bus, _read_by("recorder"), wrap=wrap, folder=folder)
+
+
+class NoServer:
+    running, pages, address = True, 1, "http://127.0.0.1/"
+
+    def start(self) -> None:
+        """Nobody looks."""
+
+    def close(self) -> None:
+        """Nobody looked."""
+
+
+def visualizer(bus: WireBus) -> Stage:
+    feed = Feed()
+    client = feed.client()
+
+    def beside(now_s: float) -> None:
+        client.changes()
+        client.heartbeat()
+
+    return Stage(Visualizer(feed, NoServer()), bus, _read_by("visualizer"), beside)  # type: ignore[arg-type]
+
+
+def command_center(bus: WireBus) -> Stage:
+    """With all that its screen makes of it."""
+    now = [0.0]
+    node = CommandCenter(lambda: now[0])
+    book = log_book.LogBook(filter=log_book.LogFilter("DEBUG", topics=frozenset(t.key for t in MESSAGE_TOPICS)))
+    node.show_messages(book.filter.topics)
+    count = 0
+
+    def beside(now_s: float) -> None:
+        nonlocal count
+        count += 1
+        now[0] = now_s
+        book.add(node.take_log())
+        if count % 4:
+            return
+        snapshot = node.snapshot()
+        stop_bar.bar_text(snapshot)
+        for row in snapshot.rows:
+            module_table.cells(row), module_table.explanation(row)
+        for make in (robot_panel.mission_lines, robot_panel.position_lines, robot_panel.drive_lines):
+            make(snapshot)
+        robot_panel.permit_line(snapshot)
+        if count % 20 == 0:
+            mini_map.draw(node.floor_picture(), 60, 20)
+
+    return Stage(node, bus, tuple(dict.fromkeys((*_read_by("command_center"), *MESSAGE_TOPICS))), beside)
+
+
+STAGES: dict[str, Callable[[WireBus], Stage]] = {
+    make.__name__: make for make in (bridge, mmu, planner, comm, poi, recorder, visualizer, command_center)
+}
+
+
+def stage_of(name: str, mesh: LocalMesh) -> Stage:
+    return STAGES[name](WireBus(mesh, name))
+
+
+def throw(stage: Stage, heard: list[tuple[str, bytes]]) -> None:
+    """By the topics, and by the other way in where there is one."""
+    if stage.wrap is not None:
+        stage.wrap([(key, data) for key, data in heard if key in _BY_OUTBOX])
+        heard = [(key, data) for key, data in heard if key not in _BY_OUTBOX]
+    for key, data in heard:
+        stage.bus.hear(TOPIC_OF_KEY[key], data)
