@@ -404,7 +404,7 @@ class OutboxPiece:
     total_bytes: RowsBytes
     data: Piece
     valid: bool = True
-    recorder_id: int = 0  # whom it is for; 0: whoever answers first
+    recorder_id: Identity = 0  # whom it is for; 0: whoever answers first
 
 
 @dataclass(frozen=True, slots=True)
@@ -417,7 +417,7 @@ class OutboxReceipt:
     offset: RowsBytes = 0
     total_bytes: RowsBytes = 0
     valid: bool = True
-    recorder_id: int = 0
+    recorder_id: Identity = 0
 
 
 P = TypeVar("P")
