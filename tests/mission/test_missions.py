@@ -143,7 +143,7 @@ def test_an_operator_s_stop_holds_until_released_and_resumed(hall: Path, tell: T
     assert permit is not None
     operator.publish(STOP, StopRequest(story.now_s, "operator", latched=False, epoch=permit.stop_epoch))
     story.run(5.0, assert_stands)
-    story.say(Operation.HOME)
+    story.say(Operation.START)
     story.run(2.0, assert_stands)
     assert not story.granted()
 

@@ -56,7 +56,7 @@ def test_damaged_records_of_doors_are_told_and_no_doors_are_known(
 ) -> None:
     (tmp_path / "pois.json").write_text(content, encoding="latin-1")
     assert findings_of_run(tmp_path) == {}
-    assert "unreadable" in caplog.text
+    assert "doors of the run unknown" in caplog.text
 
 
 def test_numbers_of_doors_are_fit_for_a_terminal(tmp_path: Path) -> None:
