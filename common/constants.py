@@ -64,4 +64,4 @@ PERMIT_RATE_HZ = 10.0
 PERMIT_TIMEOUT_S = 0.2  # bridge: an older permit is none
 WATCHDOG_CLEAR_S = 1.0  # comm: all on-robot modules ready for this long before the watchdog's stop clears
 STARTUP_GRACE_S = 90.0
-REVERSE_MAX_M = 0.5  # backwards only over floor driven just now
+REVERSE_MAX_M = 0.5  # firmware: backwards only over floor driven just now

@@ -191,7 +191,7 @@ class HandDrive:
 
 
 def _drive_by_keyboard(session: BoardSession, _: argparse.Namespace, __: Ask, tell: Tell) -> int:
-    tell("w on, W fast, x back, a left, d right, space stops, q ends")
+    tell("w on, W fast, x back (where it drove just now), a left, d right, space stops, q ends")
     hand = HandDrive(session)
     terminal = sys.stdin.fileno()
     if not sys.stdin.isatty():

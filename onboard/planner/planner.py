@@ -145,7 +145,7 @@ class Planner:
             self._mission.go_to(command.x_m, command.y_m)
 
     def _hear_poi(self, request: PoiRequest, pose: PoseEstimate | None, now_s: float) -> None:
-        turning = pose is not None and abs(wrap_angle(self._wanted.heading_rad - pose.heading_rad)) > TURN_ON_SPOT_RAD
+        turning = pose is not None and _turns_on_the_spot(self._wanted, pose)
         self._override = after(self._override, request.command, now_s, turning)
         if request.command is PoiCommand.GOTO and not turning:
             self._mission.detour(Pose2(request.x_m, request.y_m, request.heading_rad))
@@ -178,7 +178,9 @@ class Planner:
             else:
                 self._wanted = Motion(asked, pose.heading_rad)
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
-        self._emergency, blocked = watch(self._emergency, now_s, self._wanted.speed, ranges.range_m, speed_m_s)
+        # On the spot it may turn away from anything
+        ahead = Speed.STOP if _turns_on_the_spot(self._wanted, pose) else self._wanted.speed
+        self._emergency, blocked = watch(self._emergency, now_s, ahead, ranges.range_m, speed_m_s)
         if blocked:
             self._mission.blocked(self._view(now_s, pose), self._emergency.bearing_rad)
         motion = self._wanted
@@ -186,7 +188,7 @@ class Planner:
             motion = Motion(Speed.STOP, pose.heading_rad)
         elif self._emergency.phase is Phase.BACKING:
             motion = Motion(Speed.REVERSE, pose.heading_rad)
-        elif rests and abs(wrap_angle(motion.heading_rad - pose.heading_rad)) < TURN_ON_SPOT_RAD:
+        elif rests and not _turns_on_the_spot(motion, pose):
             motion = Motion(Speed.STOP, pose.heading_rad)
         self._command(bus, now_s, motion, pose)
 
@@ -247,6 +249,11 @@ class Planner:
                 command_id=self._taken[-1] if self._taken else 0,
             ),
         )
+
+
+def _turns_on_the_spot(motion: Motion, pose: PoseEstimate) -> bool:
+    """The Carrier stops and turns before it drives on."""
+    return abs(wrap_angle(motion.heading_rad - pose.heading_rad)) > TURN_ON_SPOT_RAD
 
 
 def _may_resume(command: OperatorCommand, permit: Permit | None) -> bool:

@@ -140,15 +140,15 @@ Way = list[tuple[float, float, float, float]]  # t_s, x_m, y_m, heading_rad
 
 
 def minute_of_commands(board: Board, seed: int, later_s: float = 0.0) -> Way:
-    """Straight on, a turn, a slow swerve, backwards, fast."""
+    """Straight on, a turn, a slow swerve, backwards over it, a turn, fast."""
     course = Course(board, seed, SMOOTH_FLOOR, floor=open_hall(12, 12))
     course.get_ready()
     for at_s, speed, yaw_deg in (
         (4.0, Speed.MEDIUM, 0.0),
         (14.0, Speed.MEDIUM, 90.0),
         (27.0, Speed.MEDIUM, 97.0),
-        (35.0, Speed.STOP, 0.0),
-        (42.0, Speed.REVERSE, 0.0),
+        (35.0, Speed.REVERSE, 97.0),
+        (37.0, Speed.STOP, 0.0),
         (44.0, Speed.HIGH, 8.0),
         (56.0, Speed.STOP, 8.0),
     ):

@@ -10,10 +10,23 @@ from typing import Any
 
 import pytest
 
-from common.constants import HULL_RADIUS_M
+from common.constants import HULL_RADIUS_M, REVERSE_MAX_M
 from common.errors import StartError
 from common.geometry import wrap_angle
-from common.messages import DRIVE, GRID, MAP, PERMIT, POSE, STOP, TRAJECTORY, Operation, StopRequest
+from common.messages import (
+    DRIVE,
+    GRID,
+    MAP,
+    PERMIT,
+    POSE,
+    RETAKE,
+    STOP,
+    TRAJECTORY,
+    Operation,
+    PoiCommand,
+    PoiRequest,
+    StopRequest,
+)
 from offboard.simulator.lockstep import simulate
 from offboard.simulator.options import RunOptions
 from tests.mission.story import Story
@@ -148,6 +161,28 @@ def test_an_operator_s_stop_holds_until_released_and_resumed(hall: Path, tell: T
     assert not story.granted()
 
     story.say(Operation.RESUME)
+    assert story.goes_on()
+
+
+@pytest.mark.requirement("POI_MR_05", "CAR_MR_04")
+def test_requests_to_go_on_and_back_by_turns_never_lead_further_back_than_half_a_metre(hall: Path, tell: Tell) -> None:
+    story = tell(hall, seed=2)
+    poi = story.robot.mesh.endpoint("poi")
+    story.start()
+    assert story.until(lambda: story.world.truth.x_m > 2.0 and story.drives(), 120.0)
+    furthest_m = backmost_m = story.world.truth.x_m
+
+    def keep_watch() -> None:
+        nonlocal furthest_m, backmost_m
+        furthest_m = max(furthest_m, story.world.truth.x_m)
+        backmost_m = min(backmost_m, story.world.truth.x_m)
+
+    for _ in range(6):
+        for command, seconds in ((PoiCommand.REVERSE, 3.0), (PoiCommand.CONTINUE, 0.1)):
+            poi.publish(RETAKE, PoiRequest(story.now_s, command))
+            story.run(seconds, keep_watch)
+    assert 0.3 < furthest_m - backmost_m < REVERSE_MAX_M
+    assert story.world.contacts == 0
     assert story.goes_on()
 
 

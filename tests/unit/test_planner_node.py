@@ -311,6 +311,16 @@ def test_something_that_stays_is_backed_away_from() -> None:
     assert Speed.REVERSE in {c.speed for c in commands}
 
 
+def test_something_near_does_not_keep_the_robot_from_turning_away_on_the_spot() -> None:
+    """Backing off first would take floor behind it, of which there is none after a turn."""
+    robot = Robot().started()
+    robot.ask(Operation.GOTO, 1.0, 2.0)  # behind it
+    robot.ranges_m = SOMETHING_AHEAD
+    commands = robot.run(3.5)
+    assert {c.speed for c in commands[5:]} == {Speed.MEDIUM}
+    assert all(abs(wrap_angle(c.yaw_rad - 0.3)) > pi / 2 for c in commands[5:])
+
+
 def test_the_carrier_s_own_backing_off_is_not_disturbed() -> None:
     robot = Robot().started()
     backing = CarrierReport(0.0, CarrierState.BACKING_OFF, 1, 0, 0, -0.1, -80, -80, True, False, 12.0)

@@ -3,7 +3,7 @@
 import pytest
 
 from common.messages import PoiCommand, Speed
-from onboard.planner.poi_override import HOLD_MAX_S, REVERSE_S, Override, after, speed
+from onboard.planner.poi_override import HOLD_MAX_S, Override, after, speed
 
 
 @pytest.mark.requirement("POI_MR_05")
@@ -21,16 +21,12 @@ def test_a_request_while_the_carrier_turns_is_ignored() -> None:
     assert after(Override(), PoiCommand.STOP, 10.0, turning=True) == Override()
 
 
-def test_the_robot_goes_back_half_a_metre_and_then_stands() -> None:
-    state = after(Override(), PoiCommand.REVERSE, 10.0, turning=False)
-    assert speed(state, 10.0 + REVERSE_S + 0.1) is Speed.STOP
-
-
 def test_a_repeated_request_does_not_begin_anew() -> None:
     state = after(Override(), PoiCommand.REVERSE, 10.0, turning=False)
     assert after(state, PoiCommand.REVERSE, 12.0, turning=False).since_s == 10.0
 
 
-def test_a_hold_that_nobody_ends_ends_by_itself() -> None:
-    state = after(Override(), PoiCommand.STOP, 10.0, turning=False)
+@pytest.mark.parametrize("command", [PoiCommand.STOP, PoiCommand.REVERSE])
+def test_a_hold_that_nobody_ends_ends_by_itself(command: PoiCommand) -> None:
+    state = after(Override(), command, 10.0, turning=False)
     assert speed(state, 10.0 + HOLD_MAX_S + 0.1) is None

@@ -45,9 +45,14 @@ static const int32_t kPwmIntegralMax = 90;
 static const int32_t kSafeDistance_mm = 50;          // = SAFE_DISTANCE_M * 1000
 static const int32_t kClearDistance_mm = 80;         // backing off ends beyond this
 static const int32_t kBackOffSpeed_mm_s = 70;
-static const int32_t kBackOffMax_mm = 300;
 static const int32_t kBackOffMin_mm = 40;            // bumper and cliff: let go, and a bit more
 static const int32_t kApproach_mm = 100;             // by as much a thing comes nearer between two readings
+
+// Backwards, where no sensor looks: only over floor that was driven just now
+static const int32_t kReverseMax_mm = 500;           // = REVERSE_MAX_M * 1000
+static const int32_t kReverseFresh_ms = 10000;
+static const int32_t kReverseStep_mm = 50;           // between two places that are remembered
+static const int32_t kReverseAside_mm = 100;         // beside the way that was driven, the hull still covers most of it
 
 // Sonars (LV-MaxSonar)
 static const uint8_t kSonarCount = 5;                // = SONAR_COUNT

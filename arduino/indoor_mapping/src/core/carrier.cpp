@@ -21,8 +21,7 @@ int32_t to_mm_q8(int32_t ticks_sum) { return ticks_sum * (kTickHalf_q8x1000 / 8)
 
 Carrier::Carrier()
     : mode_(kIdle), completed_id_(0), aborted_id_(0), error_(kOk), hard_(false), speed_q8_(0), rate_cdps_(0),
-      hold_cdeg_(0), turn_ticks_(0), settled_ms_(0), turning_ms_(0), mark_ticks_(0), backed_mm_q8_(0),
-      retreat_mm_q8_(config::kBackOffMax_mm * 256), pwm_left_(0), pwm_right_(0) {
+      hold_cdeg_(0), from_ticks_(0), settled_ms_(0), turning_ms_(0), pwm_left_(0), pwm_right_(0) {
   command_.boot = 0;
   command_.command_id = 0;
   command_.speed = 0;
@@ -80,7 +79,7 @@ bool Carrier::moving() const { return mode_ != kIdle; }
 int32_t Carrier::wanted_speed_mm_s() const {
   switch (command_.speed) {
     case -1:
-      return -config::kSpeedMedium_mm_s;
+      return retreat_.allowed(-config::kSpeedMedium_mm_s);
     case 1:
       return config::kSpeedMedium_mm_s;
     case 2:
@@ -118,7 +117,7 @@ void Carrier::turn(const Odometry& odometry, int32_t error_cdeg) {
   if (there) rate_cdps_ = 0;
 
   // About its own centre: what the middle moved away, it moves back
-  const int32_t off_mm_q8 = to_mm_q8(odometry.ticks_left() + odometry.ticks_right() - turn_ticks_);
+  const int32_t off_mm_q8 = to_mm_q8(odometry.ticks_left() + odometry.ticks_right() - from_ticks_);
   speed_q8_ = there ? 0 : clamp(-2 * off_mm_q8, 20 * 256);
 
   const bool calm = there && magnitude(rate) < config::kTurnRateMin_cdps;
@@ -142,7 +141,7 @@ void Carrier::watch_contact(const Odometry& odometry, const Obstacles& obstacles
   if (why == kOk) return;
   give_up(why);
   hard_ = true;
-  backed_mm_q8_ = 0;
+  from_ticks_ = odometry.ticks_left() + odometry.ticks_right();
   hold_cdeg_ = odometry.yaw_cdeg();
   mode_ = kBackOff;
 }
@@ -153,28 +152,23 @@ void Carrier::back_off(const Odometry& odometry, const Obstacles& obstacles, int
     ramp(0, true);
     return;
   }
-  const bool far_enough = backed_mm_q8_ >= config::kBackOffMin_mm * 256 || error_ == kBackingOff;
+  const int32_t backed_mm_q8 = to_mm_q8(from_ticks_ - odometry.ticks_left() - odometry.ticks_right());
+  const bool far_enough = backed_mm_q8 >= config::kBackOffMin_mm * 256 || error_ == kBackingOff;
   const bool clear = obstacles.clear_in_front && !obstacles.bumper && !obstacles.cliff;
-  const bool no_floor_left = retreat_mm_q8_ <= 0;
+  const int32_t speed_mm_s = retreat_.allowed(-config::kBackOffSpeed_mm_s);
   const bool at_rest = speed_q8_ == 0 && magnitude(odometry.wheel_speed_q8(false)) < kStanding_q8;
-  if (no_floor_left || (clear && far_enough)) {
+  if (speed_mm_s == 0 || (clear && far_enough)) {
     ramp(0, true);
     if (speed_q8_ == 0 && at_rest) mode_ = kIdle;
     return;
   }
   follow_heading(error_cdeg);
-  ramp(-config::kBackOffSpeed_mm_s, false);
+  ramp(speed_mm_s, false);
 }
 
 void Carrier::update(const Odometry& odometry, const Obstacles& obstacles) {
   const int32_t sum = odometry.ticks_left() + odometry.ticks_right();
-  const int32_t step_mm_q8 = to_mm_q8(sum - mark_ticks_);
-  mark_ticks_ = sum;
-  if (mode_ == kDrive || mode_ == kBackOff) {
-    retreat_mm_q8_ += step_mm_q8;
-    if (retreat_mm_q8_ > config::kBackOffMax_mm * 256) retreat_mm_q8_ = config::kBackOffMax_mm * 256;
-    backed_mm_q8_ -= step_mm_q8;
-  }
+  retreat_.update(odometry);
 
   // A turn comes first: it leads away from what stands in front
   int32_t error_cdeg = wrap_cdeg(command_.yaw_cdeg - odometry.yaw_cdeg());
@@ -185,8 +179,9 @@ void Carrier::update(const Odometry& odometry, const Obstacles& obstacles) {
   const bool blocked = obstacles.contact || obstacles.bumper || obstacles.cliff;
 
   if (mode_ == kDrive) {
-    follow_heading(error_cdeg);
-    ramp(wanted_speed_mm_s(), blocked && speed_q8_ > 0);
+    const int32_t speed_mm_s = wanted_speed_mm_s();
+    follow_heading(speed_mm_s ? error_cdeg : 0);
+    ramp(speed_mm_s, blocked && speed_q8_ > 0);
     if (magnitude(error_cdeg) < 2 * config::kTurnDone_cdeg) completed_id_ = command_.command_id;
   } else if (mode_ == kBrake) {
     rate_cdps_ = approach(rate_cdps_, 0, kRateStep_cdps);
@@ -194,7 +189,7 @@ void Carrier::update(const Odometry& odometry, const Obstacles& obstacles) {
     ramp(0, hard_ || (blocked && speed_q8_ > 0));
     if (speed_q8_ == 0 && rate_cdps_ == 0 && magnitude(speed_q8) < kStanding_q8) {
       mode_ = command_.command_id ? kTurn : kIdle;
-      turn_ticks_ = sum;
+      from_ticks_ = sum;
       settled_ms_ = 0;
       turning_ms_ = 0;
     }

@@ -5,6 +5,7 @@
 #include "../config.h"
 #include "odometry.h"
 #include "protocol.h"
+#include "retreat.h"
 #include "sonar.h"
 #include "wheel.h"
 
@@ -60,12 +61,10 @@ class Carrier {
   int32_t speed_q8_;       // set-point, mm/s
   int32_t rate_cdps_;      // set-point
   int32_t hold_cdeg_;      // heading held while backing off
-  int32_t turn_ticks_;     // sum of both wheels where the turn began
+  int32_t from_ticks_;     // sum of both wheels where the turn or the backing off began
   uint16_t settled_ms_;
   uint16_t turning_ms_;
-  int32_t mark_ticks_;     // sum of both wheels at the last tick
-  int32_t backed_mm_q8_;   // so far in this retreat
-  int32_t retreat_mm_q8_;  // floor behind that was driven over just now
+  Retreat retreat_;
   Wheel left_, right_;
   int16_t pwm_left_, pwm_right_;
 };
