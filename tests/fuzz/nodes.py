@@ -28,12 +28,14 @@ from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
 from offboard.command_center.widgets import module_table, robot_panel, stop_bar
 from offboard.recorder.outbox_inbox import OutboxInbox
 from offboard.recorder.recorder import Recorder
+from offboard.recorder.run_files import RunFiles
 from offboard.recorder.run_schema import TOPIC_OF_KEY
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.visualizer import Visualizer
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
-from onboard.comm.outbox import PIECE_BYTES, Outbox
+from onboard.comm.outbox import Outbox
+from onboard.comm.outbox_sender import PIECE_BYTES
 from onboard.comm.outbox_store import pack_row
 from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_record import RECORD_NAME
@@ -176,15 +178,16 @@ def planner(bus: WireBus) -> Stage:
 def comm(bus: WireBus) -> Stage:
     """With a recorder that takes all it sends."""
     folder = tempfile.TemporaryDirectory()
-    outbox = Outbox(Path(folder.name) / "outbox.sqlite", 20_000_000, new_id=1)
+    outbox = Outbox(Path(folder.name) / "outbox.sqlite", 20_000_000)
     node = Comm(CommSection(), StopKeeper(Path(folder.name) / RECORD_NAME), outbox)
-    far, inbox = bus.mesh.endpoint("recorder"), OutboxInbox({})
+    far, inbox = bus.mesh.endpoint("recorder"), OutboxInbox(1)
 
     def beside(now_s: float) -> None:
         for piece in far.take(m.OUTBOX):
-            inbox.take(piece)
+            inbox.take(piece, now_s)
         if inbox.complete is not None:
-            inbox.stored(inbox.delivery(now_s))
+            inbox.content()
+            inbox.stored()
         receipt = inbox.receipt(now_s)
         if receipt is not None:
             bus.hear(m.RECEIPT, encode(receipt, 1, BOOT_ID))
@@ -229,9 +232,8 @@ def recorder(bus: WireBus) -> Stage:
             piece = m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
             bus.hear(m.OUTBOX, encode(piece, 1, BOOT_ID))
 
-    node = Recorder(Path(folder.name))
-    node._files.draw = lambda: None  # type: ignore[method-assign]  # pictures are the export's matter
-    return Stage(node, bus, _read_by("recorder"), wrap=wrap, folder=folder)
+    RunFiles.draw = lambda files: None  # type: ignore[method-assign]  # in this process; pictures are the export's matter
+    return Stage(Recorder(Path(folder.name), "2026-01-01T00:00:00"), bus, _read_by("recorder"), wrap=wrap, folder=folder)
 
 
 class NoServer:
