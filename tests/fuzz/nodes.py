@@ -45,6 +45,7 @@ from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi
 from onboard.poi.reading_worker import DeferredReading
 from tests.firmware.bench import Bench
+from tests.fuzz.wild import LONGEST
 
 import msgpack  # isort: skip
 
@@ -60,17 +61,24 @@ class WireBus(LocalBus):
         super().__init__(mesh, name, boot_id=1)
         self.mesh, self.reader = mesh, Reader()
         self._tap: Tap | None = None
+        self._newest: dict[str, bytes] = {}
 
     def hear(self, topic: Topic[Any], data: bytes) -> None:
         if self._tap is not None and topic.key in self.tapped:
             self._tap.store(topic.key, data)
+            self._newest[topic.key] = data
         envelope = self.reader.read(topic, data)
         if envelope is not None:
             self._receive(topic, envelope.payload)
 
     def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
         self.tapped = {topic.key for topic in topics}
-        self._tap = Tap(self.tapped, (), known, lambda key, asked: None)
+        self._tap = Tap(self.tapped, (), known, self._answer, lambda: self.mesh.now_s)
+
+    def _answer(self, key: str, asked: bytes) -> None:
+        """Its producer has the newest message only."""
+        if self._tap is not None and key in self._newest:
+            self._tap.answer(key, msgpack.packb([self._newest[key]]))
 
     def take_frames(self) -> list[Frame]:
         return self._tap.frames() if self._tap is not None else []
@@ -90,6 +98,7 @@ class Stage:
     wrap: Callable[[list[tuple[str, bytes]]], None] | None = None  # another way in than the topics themselves
     folder: tempfile.TemporaryDirectory[str] | None = None
     motors: Callable[[], bool] = lambda: False
+    longest: int = LONGEST  # rows of the arrays that come
 
     def close(self) -> None:
         self.node.close()
@@ -219,7 +228,7 @@ def poi(bus: WireBus) -> Stage:
 
 
 def recorder(bus: WireBus) -> Stage:
-    """What the robot says comes in pieces of the outbox too."""
+    """What the robot says comes in pieces of the outbox too. Now and then a step writes all of the map as text."""
     folder = tempfile.TemporaryDirectory()
     row = 0
 
@@ -233,7 +242,14 @@ def recorder(bus: WireBus) -> Stage:
             bus.hear(m.OUTBOX, encode(piece, 1, BOOT_ID))
 
     RunFiles.draw = lambda files: None  # type: ignore[method-assign]  # in this process; pictures are the export's matter
-    return Stage(Recorder(Path(folder.name), "2026-01-01T00:00:00"), bus, _read_by("recorder"), wrap=wrap, folder=folder)
+    return Stage(
+        Recorder(Path(folder.name), "2026-01-01T00:00:00"),
+        bus,
+        _read_by("recorder"),
+        wrap=wrap,
+        folder=folder,
+        longest=20_000,
+    )
 
 
 class NoServer:
