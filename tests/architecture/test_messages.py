@@ -8,6 +8,7 @@ from typing import get_type_hints
 import pytest
 
 from common.errors import ERRORS, ErrorCode
+from common.field_checks import field_of
 from common.messages import INTERNAL_FLOWS, MODULES, STATUS, TOPICS, topic_table
 from tests.architecture.project import ROOT
 
@@ -36,6 +37,13 @@ def test_every_payload_says_when_and_whether_it_is_valid() -> None:
         fields = {field.name: field for field in dataclasses.fields(payload)}  # type: ignore[arg-type]
         assert get_type_hints(payload)["t_s"] is float, payload
         assert fields["valid"].default is True, payload
+
+
+@pytest.mark.parametrize("payload", sorted({topic.payload for topic in TOPICS}, key=str))
+def test_every_field_says_its_bounds(payload: type) -> None:
+    hints = get_type_hints(payload, include_extras=True)
+    for field in dataclasses.fields(payload):  # type: ignore[arg-type]
+        field_of(field.name, hints[field.name])
 
 
 @pytest.mark.requirement("CC_MR_03")

@@ -45,6 +45,7 @@ from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi
 from onboard.poi.reading_worker import DeferredReading
 from tests.firmware.bench import Bench
+from tests.fuzz.wild import LONGEST
 
 import msgpack  # isort: skip
 
@@ -60,17 +61,24 @@ class WireBus(LocalBus):
         super().__init__(mesh, name, boot_id=1)
         self.mesh, self.reader = mesh, Reader()
         self._tap: Tap | None = None
+        self._newest: dict[str, bytes] = {}
 
     def hear(self, topic: Topic[Any], data: bytes) -> None:
         if self._tap is not None and topic.key in self.tapped:
             self._tap.store(topic.key, data)
+            self._newest[topic.key] = data
         envelope = self.reader.read(topic, data)
         if envelope is not None:
             self._receive(topic, envelope.payload)
 
     def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
         self.tapped = {topic.key for topic in topics}
-        self._tap = Tap(self.tapped, (), known, lambda key, asked: None)
+        self._tap = Tap(self.tapped, (), known, self._answer, lambda: self.mesh.now_s)
+
+    def _answer(self, key: str, asked: bytes) -> None:
+        """Its producer has the newest message only."""
+        if self._tap is not None and key in self._newest:
+            self._tap.answer(key, msgpack.packb([self._newest[key]]))
 
     def take_frames(self) -> list[Frame]:
         return self._tap.frames() if self._tap is not None else []
@@ -90,6 +98,7 @@ class Stage:
     wrap: Callable[[list[tuple[str, bytes]]], None] | None = None  # another way in than the topics themselves
     folder: tempfile.TemporaryDirectory[str] | None = None
     motors: Callable[[], bool] = lambda: False
+    longest: int = LONGEST  # rows of the arrays that come
 
     def close(self) -> None:
         self.node.close()
@@ -178,7 +187,7 @@ def planner(bus: WireBus) -> Stage:
 def comm(bus: WireBus) -> Stage:
     """With a recorder that takes all it sends."""
     folder = tempfile.TemporaryDirectory()
-    outbox = Outbox(Path(folder.name) / "outbox.sqlite", 20_000_000, new_id=1)
+    outbox = Outbox(Path(folder.name) / "outbox.sqlite", 20_000_000)
     node = Comm(CommSection(), StopKeeper(Path(folder.name) / RECORD_NAME), outbox)
     far, inbox = bus.mesh.endpoint("recorder"), OutboxInbox(1)
 
@@ -186,6 +195,7 @@ def comm(bus: WireBus) -> Stage:
         for piece in far.take(m.OUTBOX):
             inbox.take(piece, now_s)
         if inbox.complete is not None:
+            inbox.content()
             inbox.stored()
         receipt = inbox.receipt(now_s)
         if receipt is not None:
@@ -218,7 +228,7 @@ def poi(bus: WireBus) -> Stage:
 
 
 def recorder(bus: WireBus) -> Stage:
-    """What the robot says comes in pieces of the outbox too."""
+    """What the robot says comes in pieces of the outbox too. Now and then a step writes all of the map as text."""
     folder = tempfile.TemporaryDirectory()
     row = 0
 
@@ -231,9 +241,15 @@ def recorder(bus: WireBus) -> Stage:
             piece = m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
             bus.hear(m.OUTBOX, encode(piece, 1, BOOT_ID))
 
-    RunFiles.draw = lambda _: None  # type: ignore[method-assign]  # pictures are the export's matter
-    node = Recorder(Path(folder.name))
-    return Stage(node, bus, _read_by("recorder"), wrap=wrap, folder=folder)
+    RunFiles.draw = lambda files: None  # type: ignore[method-assign]  # in this process; pictures are the export's matter
+    return Stage(
+        Recorder(Path(folder.name), "2026-01-01T00:00:00"),
+        bus,
+        _read_by("recorder"),
+        wrap=wrap,
+        folder=folder,
+        longest=20_000,
+    )
 
 
 class NoServer:

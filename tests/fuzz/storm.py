@@ -46,12 +46,12 @@ def storm(name: str, count: int, seed: int) -> Outcome:
     ours, theirs = context.Pipe()
     process = context.Process(target=_node, args=(name, theirs), daemon=True)
     process.start()
-    period_s, keys = ours.recv()
+    period_s, keys, longest = ours.recv()
     topics: tuple[Topic[Any], ...] = tuple(topic for topic in TOPICS if topic.key in keys)
     permit = name != "bridge"  # of all nodes it alone starts motors, and without a permit it must not
     batch: list[Heard] = []
     try:
-        for heard in _weather(period_s, topics, count, random.Random(seed), permit):
+        for heard in _weather(period_s, topics, count, random.Random(seed), permit, longest):
             batch.append(heard)
             if len(batch) == STEPS_AT_ONCE:
                 ours.send(batch)
@@ -66,7 +66,7 @@ def storm(name: str, count: int, seed: int) -> Outcome:
 
 
 def _weather(
-    period_s: float, topics: tuple[Topic[Any], ...], count: int, chance: random.Random, permit: bool
+    period_s: float, topics: tuple[Topic[Any], ...], count: int, chance: random.Random, permit: bool, longest: int
 ) -> Iterator[Heard]:
     """What comes before each step; without a `permit` nobody grants one."""
     sequences = dict.fromkeys((topic.key for topic in topics), 0)
@@ -88,9 +88,9 @@ def _weather(
                 wild = chance.random() < 0.5
                 stamped = stamp(topic)
                 if wild:
-                    data = poisoned(topic.payload, chance, *stamped)
+                    data = poisoned(topic.payload, chance, *stamped, longest)
                 else:
-                    data = encode(fit(topic.payload, chance), *stamped)
+                    data = encode(fit(topic.payload, chance, longest), *stamped)
                 if permit or topic is not PERMIT or not _grants(data):
                     heard.append((topic.key, data))
                     thrown += 1
@@ -111,7 +111,7 @@ def _node(name: str, pipe: Connection) -> None:
     gc.freeze()  # what the tests' own process holds is none of the node's
     mesh = LocalMesh()
     stage = stage_of(name, mesh)
-    pipe.send((stage.node.period_s, {topic.key for topic in stage.topics}))
+    pipe.send((stage.node.period_s, {topic.key for topic in stage.topics}, stage.longest))
     run = _Run(stage, mesh)
     try:
         while (batch := pipe.recv()) is not None:

@@ -78,9 +78,9 @@ def _hints(payload: type) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in dataclasses.fields(payload)}
 
 
-def fit(payload: type[P], chance: random.Random) -> P:
-    """A sound payload; its values are ordinary, at their bounds, or anything between."""
-    lengths: dict[str, int] = {}
+def fit(payload: type[P], chance: random.Random, longest: int = LONGEST) -> P:
+    """A sound payload; its values are ordinary, at their bounds, or anything between; arrays up to `longest` rows."""
+    lengths = _Lengths(chance, longest)
     values = {name: _value(hint, chance, lengths) for name, hint in _hints(payload).items()}
     if payload is GridUpdate:
         values |= _floor(chance)
@@ -97,7 +97,7 @@ def _floor(chance: random.Random) -> dict[str, Any]:
     return {"rows": rows, "columns": columns, "cells_zlib": zlib.compress(cells.tobytes(), 1)}
 
 
-def _value(hint: Any, chance: random.Random, lengths: dict[str, int]) -> Any:
+def _value(hint: Any, chance: random.Random, lengths: _Lengths) -> Any:
     kind, *said = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     notes = {type(note): note for note in said}
     if kind is bool:
@@ -108,11 +108,11 @@ def _value(hint: Any, chance: random.Random, lengths: dict[str, int]) -> Any:
         length_max = notes[UpTo].count
         if kind is str:
             return chance.choice(("x" * length_max, *TEXTS))[:length_max]
-        return chance.randbytes(min(length_max, _length(length_max, chance)))
+        return chance.randbytes(lengths.draw(length_max))
     if get_origin(kind) is None:
         return chance.choice(list(kind))
     first, *others = notes[Shape].sizes
-    length = first if isinstance(first, int) else lengths.setdefault(first, _length(notes[UpTo].count, chance))
+    length = first if isinstance(first, int) else lengths.of(first, notes[UpTo].count)
     if get_origin(kind) is tuple:
         return tuple(_value(get_args(kind)[0], chance, lengths) for _ in range(length))
     (dtype,) = get_args(get_args(kind)[1])
@@ -131,9 +131,21 @@ def _number(kind: type, within: Within, chance: random.Random) -> Any:
     return kind(chance.choice(choices)) if kind is float else int(chance.choice(choices))
 
 
-def _length(most: int, chance: random.Random) -> int:
-    longest = min(most, LONGEST)
-    return longest if chance.random() < _RARE else min(chance.choice((0, 1, 2, 5, 5, 300)), most)
+class _Lengths:
+    """Of what is long, in one message: a letter stands for one length."""
+
+    def __init__(self, chance: random.Random, longest: int) -> None:
+        self._chance, self._longest = chance, longest
+        self._drawn: dict[str, int] = {}
+
+    def of(self, letter: str, most: int) -> int:
+        if letter not in self._drawn:
+            self._drawn[letter] = self.draw(most)
+        return self._drawn[letter]
+
+    def draw(self, most: int) -> int:
+        rare = self._chance.random() < _RARE
+        return min(most, self._longest if rare else self._chance.choice((0, 1, 2, 5, 5, 300)))
 
 
 def body_of(payload: Any) -> dict[str, Any]:
@@ -151,9 +163,9 @@ def message(body: Any, sequence: Any = 1, boot_id: Any = 1, version: Any = CODEC
     return bytes(msgpack.packb([version, sequence, boot_id, body]))
 
 
-def poisoned(payload: type, chance: random.Random, sequence: int, boot_id: int) -> bytes:
+def poisoned(payload: type, chance: random.Random, sequence: int, boot_id: int, longest: int = LONGEST) -> bytes:
     """A message that can be unpacked, with something in it that most often must not be there."""
-    body = body_of(fit(payload, chance))
+    body = body_of(fit(payload, chance, longest))
     if chance.random() < 0.05:
         stamp = chance.choice([(nan, 1), (-1, 1), (2**63, 1), (1, -1), (1, 2**64 - 1), ("1", 1), (1, None), ([], {})])
         return message(body, *stamp)

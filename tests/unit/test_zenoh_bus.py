@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -342,6 +343,22 @@ def test_bytes_that_are_no_message_are_counted_and_do_not_look_fresh(open_bus: O
 
         until(counted)
     assert planner.age_s(POSE) == float("inf")
+
+
+def test_what_nobody_would_take_is_not_sent_and_the_sender_says_so(
+    open_bus: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("planner")
+
+    def arrived() -> bool:
+        sender.publish(POSE, replace(pose(), x_m=float("nan")))
+        sender.publish(POSE, pose())
+        return receiver.latest(POSE) == pose()
+
+    until(arrived)
+    assert receiver.decode_errors == {}
+    assert "not published topic=mmu/pose error=field 'x_m' must not be nan count=1" in caplog.messages
 
 
 def test_what_was_announced_is_waited_for_and_what_is_lost_is_not_waited_for_long(open_bus: Open) -> None:
