@@ -16,7 +16,7 @@ from typing import Any
 from common.clock import FreeClock
 from common.config import load_config
 from common.errors import StartError
-from common.messages import OPERATION, PERMIT, PLAN, POI, STOP, Operation, OperatorCommand
+from common.messages import CARRIER, OPERATION, PERMIT, PLAN, POI, STOP, Operation, OperatorCommand
 from common.zenoh_bus import ZenohBus
 from offboard.command_center import operations, software_stop
 from offboard.command_center.operations import Answer, PendingOperation
@@ -122,7 +122,9 @@ def _estop(arguments: argparse.Namespace) -> int:
 def _release(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
-        if not _wait(lambda: bus.latest(PERMIT) is not None, LINK_TIMEOUT_S):
+        # The permit says what is latched, the Carrier whether the button is pressed
+        _wait(lambda: bus.latest(PERMIT) is not None and bus.latest(CARRIER) is not None, LINK_TIMEOUT_S)
+        if bus.latest(PERMIT) is None:
             print("The robot is not heard, so nothing was released.", file=sys.stderr)
             return 1
         now_s = time.monotonic()

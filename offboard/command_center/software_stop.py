@@ -48,7 +48,7 @@ class RobotReport:
     standing: bool = False
     speed_m_s: float = 0.0
     odometry_s: float = -inf
-    stop_epoch: int = 0  # of comm
+    stop_epoch: int = 0  # of comm; 0: it was just started and does not know yet
     stop_ids: tuple[int, ...] = ()
     resumed: bool = True
     board_epoch: int = 0  # the newest stop that the board knows
@@ -145,7 +145,7 @@ def heard(control: StopControl, report: RobotReport, now_s: float) -> StopContro
         if report.stop_epoch > control.epoch or now_s - control.since_s > RELEASE_TIMEOUT_S:
             return StopControl(release_failed=True)
     if control.demand is Demand.NONE and control.latency_s is not None:
-        gone = report.linked(now_s) and not report.stop_sources
+        gone = report.linked(now_s) and report.stop_epoch > 0 and not report.stop_sources
         return replace(control, latency_s=None) if gone else control
     return control
 

@@ -3,12 +3,18 @@
 Steps the world up to `now_s`; its serial port is a device file beside robot.toml. Writes `truth.tum`, on the clock that
 all processes of the run share, and `motors.csv` beside its log: when the motors began and ceased to turn. Nothing goes
 over the bus: the modules must not know what is true.
+
+What a person does at the robot comes as signals: SIGUSR1 pushes the stop button, which stays in until the next one;
+SIGUSR2 restarts the board, as most boards do when somebody opens their port.
 """
 
 from __future__ import annotations
 
 import argparse
 import logging
+import signal
+from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 from common.bus import Bus
@@ -16,7 +22,7 @@ from common.config import Config
 from common.errors import StartError
 from common.process import argument_parser
 from offboard.recorder.run_folder import TRUTH_NAME, LineFile, tum_line
-from offboard.simulator.board import FirmwareBuildError, HostBoard
+from offboard.simulator.board import FirmwareBuildError, HostBoard, ResetCause
 from offboard.simulator.frame_server import FrameServer
 from offboard.simulator.options import RunOptions, load_world
 from offboard.simulator.simulation import Simulation
@@ -63,11 +69,18 @@ class SimulatorNode:
         self._frames = frames
         self._motors = MotorLog(motor_file) if motor_file is not None else None
         self._truth = LineFile(truth_file) if truth_file is not None else None
+        self._happenings: deque[Callable[[], None]] = deque()
         self._write_due_s = 0.0
         self._power_on_s: float | None = None  # on the shared clock
 
+    def between_steps(self, happening: Callable[[], None]) -> None:
+        """A signal comes at any moment, and the world must not change in the middle of its step."""
+        self._happenings.append(happening)
+
     def step(self, bus: Bus, now_s: float) -> None:
         world = self._simulation.world
+        while self._happenings:
+            self._happenings.popleft()()
         if self._power_on_s is None:
             self._power_on_s = now_s
         behind_s = now_s - self._power_on_s - world.time_s
@@ -143,9 +156,13 @@ def make_simulator(config: Config, arguments: argparse.Namespace) -> SimulatorNo
         frames = FrameServer(simulation.camera, arguments.frames)
     run_dir: Path | None = arguments.run_dir
     log_dir: Path | None = arguments.log_dir
-    return SimulatorNode(
+    node = SimulatorNode(
         simulation,
         run_dir / TRUTH_NAME if run_dir is not None else None,
         log_dir / MOTORS_NAME if log_dir is not None else None,
         frames,
     )
+    world = simulation.world
+    signal.signal(signal.SIGUSR1, lambda *_: node.between_steps(world.push_stop_button))
+    signal.signal(signal.SIGUSR2, lambda *_: node.between_steps(lambda: world.reset_board(ResetCause.EXTERNAL)))
+    return node

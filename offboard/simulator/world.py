@@ -77,7 +77,7 @@ class World:
         self._pose = (start.x_m, start.y_m, start.heading_rad)
         self._velocity = (0.0, 0.0, 0.0)  # world x and y, yaw rate
         self._imu_start = (start.heading_rad, 0.0, 0.0)  # heading, world velocity at the last sample
-        self._bumper = False
+        self._bumper = self._stop_button = False
         self.contacts = 0
         self.truth_log: list[tuple[float, float, float, float]] = []  # t_s, x_m, y_m, heading_rad at 10 Hz
         self._clearance_m = float("inf")
@@ -142,11 +142,16 @@ class World:
         self._power_on_us = self._steps * _STEP_US
         self._tell_inputs()
 
+    def push_stop_button(self) -> None:
+        """Somebody pushes the button on the robot: it stays in, or comes out again."""
+        self._stop_button = not self._stop_button
+        self.board.stop_button(self._stop_button)
+
     def _tell_inputs(self) -> None:
         self.board.battery(_BATTERY_MV)
         self.board.bumper(self._bumper)
         self.board.cliff(False, False)
-        self.board.stop_button(False)
+        self.board.stop_button(self._stop_button)
         self._sample_imu()
 
     def _rebuild(self) -> None:

@@ -8,14 +8,15 @@ import time
 from common.clock import FreeClock
 from common.config import Config
 from common.zenoh_bus import ZenohBus
+from common.zenoh_session import Mode
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.module_watch import Freshness
 from offboard.command_center.stop_desk import StopSender
 
 
 class Center:
-    def __init__(self, config: Config) -> None:
-        self.bus = ZenohBus("command_center", config, FreeClock())
+    def __init__(self, config: Config, mode: Mode = "peer") -> None:
+        self.bus = ZenohBus("command_center", config, FreeClock(), mode)
         self.node = CommandCenter(time.monotonic)
         self.sender = StopSender(self.node.stop_desk, self.bus)
         self._ended = threading.Event()

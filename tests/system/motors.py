@@ -21,6 +21,10 @@ class Motors(NamedTuple):
     enabled: bool
 
     @property
+    def turning(self) -> bool:
+        return (self.pwm_left, self.pwm_right) != (0, 0)
+
+    @property
     def driving(self) -> bool:
         return self.pwm_left != 0 and self.pwm_right != 0 and self.enabled
 
@@ -52,10 +56,14 @@ class MotorLog:
         until(lambda: any(m.dead and m.t_s > hit_s for m in self.read()), 5.0, "the end of all motion")
         return next(m.t_s for m in self.read() if m.dead and m.t_s > hit_s) - hit_s
 
-    def stands(self) -> bool:
+    def turned(self, from_s: float, to_s: float) -> bool:
+        """Whether a motor did at any moment between."""
+        rows = self.read()
+        before = [m for m in rows if m.t_s <= from_s][-1:]
+        return any(m.turning for m in before + [m for m in rows if from_s < m.t_s <= to_s])
+
+    def stands(self, for_s: float = STANDS_FOR_S) -> bool:
         """The motors do not turn, and do not for a while; that their driver is switched on is no motion."""
         since_s = time.monotonic()
-        until(lambda: time.monotonic() > since_s + STANDS_FOR_S)
-        motors = self.read()
-        count = 1 + sum(m.t_s > since_s for m in motors)
-        return all((m.pwm_left, m.pwm_right) == (0, 0) for m in motors[-count:])
+        until(lambda: time.monotonic() > since_s + for_s)
+        return not self.turned(since_s, time.monotonic())

@@ -34,6 +34,7 @@ class RecordingBoard:
         self.gyro_z: list[int] = []
         self.echoes: list[tuple[int, int, int]] = []
         self.bumps: list[bool] = []
+        self.button = False
         self.fire: dict[int, tuple[int, ...]] = {}
 
     def run(self, until_us: int) -> None:
@@ -61,7 +62,8 @@ class RecordingBoard:
 
     def battery(self, mv: int) -> None: ...
 
-    def stop_button(self, pressed: bool) -> None: ...
+    def stop_button(self, pressed: bool) -> None:
+        self.button = pressed
 
     def fired(self) -> tuple[int, ...]:
         return self.fire.pop(self.now_us, ())
@@ -166,6 +168,17 @@ def test_a_restarted_board_begins_its_clock_anew_and_the_world_goes_on() -> None
     run(world, 0.05)
     assert board.now_us == 50_000
     assert world.time_s == pytest.approx(0.16)
+
+
+def test_the_stop_button_stays_in_over_a_restart_of_the_board_until_it_is_pushed_again() -> None:
+    world, board = world_with()
+    world.push_stop_button()
+    assert board.button
+    board.button = False
+    world.reset_board()
+    assert board.button
+    world.push_stop_button()
+    assert not board.button
 
 
 def test_truth_is_logged_ten_times_a_second() -> None:

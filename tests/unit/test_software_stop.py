@@ -52,6 +52,12 @@ def test_a_press_is_sent_until_this_very_press_is_latched_known_to_the_board_and
     assert done.latency_s == pytest.approx(0.2)
 
 
+def test_a_confirmed_stop_is_over_once_comm_says_so_and_not_while_it_was_just_started_and_does_not_know() -> None:
+    done = heard(pressed(IDLE, 10.0, 7), STOPPED, 10.25)
+    assert heard(done, replace(RELEASED, stop_epoch=0), 10.45) == done
+    assert heard(done, RELEASED, 10.45).latency_s is None
+
+
 def test_to_press_again_changes_nothing_while_it_is_sent_and_is_a_press_of_its_own_afterwards() -> None:
     control = pressed(IDLE, 10.0, 7)
     assert pressed(control, 10.1, 8) is control
