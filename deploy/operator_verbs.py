@@ -129,7 +129,7 @@ def _release(arguments: argparse.Namespace) -> int:
             return 1
         now_s = time.monotonic()
         report = software_stop.robot_report(bus, now_s)
-        if not report.stop_sources:
+        if report.stop_epoch and not report.stop_sources:
             print("No stop is latched; `resume` lets a robot that waits go on.")
             return 0
         hindrance = software_stop.release_hindrance(StopControl(), report, now_s)

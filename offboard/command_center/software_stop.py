@@ -35,6 +35,7 @@ class Look(Enum):
     IDLE = "no stop"
     SENT = "sent, not confirmed"
     LATCHED = "the robot holds it"
+    UNKNOWN = "comm has just started, and waits for the bridge"
     RELEASED = "released, nothing moves before a resume"
     LINK_LOST = "nothing is heard of the robot"
 
@@ -119,10 +120,10 @@ def release_hindrance(control: StopControl, report: RobotReport, now_s: float) -
         return "The robot is not heard: wait until the link is back."
     if control.demand is Demand.STOP:
         return "The stop is not confirmed yet: wait until it is."
+    if report.stop_epoch == 0:
+        return "comm has just started and waits for the bridge: try again once it is heard."
     if not report.stop_sources:
         return "No stop is latched."
-    if report.stop_epoch == 0:
-        return "The robot's programs are just starting: try again in a moment."
     if report.button_pressed:
         return "The button on the robot is pressed: let it out first."
     return ""
@@ -166,4 +167,6 @@ def look(control: StopControl, report: RobotReport, now_s: float) -> Look:
         return Look.SENT
     if report.stop_sources:
         return Look.LATCHED
+    if report.stop_epoch == 0:
+        return Look.UNKNOWN
     return Look.IDLE if report.resumed else Look.RELEASED

@@ -71,6 +71,7 @@ class Running:
 
     @property
     def permit(self) -> Permit:
+        until(lambda: self.bus.latest(PERMIT) is not None, what="a permit")
         permit = self.bus.latest(PERMIT)
         assert permit is not None
         return permit

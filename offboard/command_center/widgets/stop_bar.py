@@ -17,6 +17,14 @@ from offboard.command_center.software_stop import Demand, Look
 RED_BUTTON = "use the red button on the robot"
 
 
+# Nothing is latched
+_FREE = {
+    Look.IDLE: "No stop is latched",
+    Look.RELEASED: "Released – nothing moves before a resume (r)",
+    Look.UNKNOWN: "comm has just started and waits for the bridge – nothing moves",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class BarText:
     look: Look
@@ -42,8 +50,7 @@ def bar_text(snapshot: Snapshot) -> BarText:
     if look is Look.LATCHED:
         return _latched(snapshot)
     wheels = "standing" if report.standing else f"driving {abs(report.speed_m_s):.2f} m/s"
-    headline = "No stop is latched" if look is Look.IDLE else "Released – nothing moves before a resume (r)"
-    return BarText(look, headline, wheels if report.wheels_known(now_s) else "wheels not heard")
+    return BarText(look, _FREE[look], wheels if report.wheels_known(now_s) else "wheels not heard")
 
 
 def _latched(snapshot: Snapshot) -> BarText:
