@@ -227,9 +227,14 @@ def read_map(run_dir: Path) -> MapData:
     return MapData(points_m, inferred, read_path(run_dir)[1], [pois[k] for k in np.flatnonzero(near)])
 
 
+def on_floor(places_m: Points) -> npt.NDArray[np.bool_]:
+    """(N,) which of the places (N, 2) lie within MAP_REACH_M."""
+    return np.asarray(np.abs(places_m).max(axis=1, initial=0.0) <= MAP_REACH_M)
+
+
 def _on_floor(file: Path, places_m: Points) -> npt.NDArray[np.bool_]:
-    """(N,) which of the places (N, 2) in a file lie within MAP_REACH_M."""
-    near = np.asarray(np.abs(places_m).max(axis=1, initial=0.0) <= MAP_REACH_M)
+    """As `on_floor`, with a warning where some do not."""
+    near = on_floor(places_m)
     if not near.all():
         _log.warning(
             "%s: %d of %d places lie more than %g m from the start and are left out.",

@@ -37,12 +37,11 @@ from common.messages import (
     Trajectory,
 )
 from offboard.recorder.map_assembly import MapAssembly
-from offboard.recorder.run_folder import MapData
+from offboard.recorder.run_folder import MapData, on_floor
 from offboard.tools.map_frame import frame
 from offboard.visualizer.poi_store import PoiRecord, record_of
 
 TRAIL_STEP_M = 0.05
-REACH_M = 500.0  # from the start: what is said to lie farther would make any picture endless
 TRAIL_MAX = 50_000  # poses since the smoothed path ends, which is sent every few seconds
 PHOTO_BYTES_MAX = 16_000_000  # of photos that the store has not taken yet; the newest count
 
@@ -119,10 +118,12 @@ class LiveModel:
 
     def map_data(self) -> MapData:
         """All of it that can be on one floor, as the exports take it."""
-        pois = [dataclasses.asdict(r) for r in self.pois.values() if hypot(r.x_m, r.y_m) <= REACH_M]
+        records = list(self.pois.values())
+        places_m = np.array([(record.x_m, record.y_m) for record in records]).reshape(-1, 2)
+        pois = [dataclasses.asdict(records[k]) for k in np.flatnonzero(on_floor(places_m))]
         trail = self.trail()
-        trail = trail[np.hypot(trail[:, 0], trail[:, 1]) <= REACH_M]
-        near = np.hypot(self.points_m[:, 0], self.points_m[:, 1]) <= REACH_M
+        trail = trail[on_floor(trail[:, :2])]
+        near = on_floor(self.points_m)
         return MapData(self.points_m[near].astype(np.float64), self.inferred[near], trail, pois)
 
     def drawn(self) -> Hashable:
