@@ -227,7 +227,7 @@ def read_map(run_dir: Path) -> MapData:
     return MapData(points_m, inferred, read_path(run_dir)[1], [pois[k] for k in np.flatnonzero(near)])
 
 
-def on_floor(places_m: Points) -> npt.NDArray[np.bool_]:
+def on_floor(places_m: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
     """(N,) which of the places (N, 2) lie within MAP_REACH_M."""
     return np.asarray(np.abs(places_m).max(axis=1, initial=0.0) <= MAP_REACH_M)
 
