@@ -193,6 +193,10 @@ class World:
             self.ghost.released = max(self.ghost.released, message.epoch)
             if self.board.pressed:  # the button still says stop
                 self.ghost.epoch.pop(button_press(self.board.session, self.board.count), None)
+        over = self.ghost.acted.keys() - self.ghost.standing(self.tick)
+        for stop in set(self.comm.record.stops) - set(before.record.stops):
+            if stop.stop_id in over:  # a late repeat: it acts anew
+                del self.ghost.acted[stop.stop_id]
         if self.comm.asked is None:
             for stop in self.comm.record.stops:
                 self.ghost.epoch[stop.stop_id] = self.comm.record.epoch
