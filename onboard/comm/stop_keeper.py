@@ -27,10 +27,12 @@ class StopKeeper:
         self.trouble = ""  # why the disk does not take the record
         self.state: StopOwner = stop_owner.owner(_load(file) if file is not None else StopRecord(), life)
         # Before anything is heard: a stop that acts, and is lost with this process before it is stored, shall be missed
-        try:
-            self._took(self._store(self.state.wanted))
-        except OSError as error:
-            self._refused(error)
+        wanted = self.state.to_store
+        if wanted is not None:
+            try:
+                self._took(self._store(wanted))
+            except OSError as error:
+                self._refused(error)
 
     def change(self, after: Callable[[StopOwner], StopOwner]) -> None:
         """One event, as a function of `stop_owner`."""

@@ -26,7 +26,7 @@ def one_sentence(text: str) -> bool:
 def test_a_taken_port_is_one_sentence_and_exit_code_2(mesh: Mesh) -> None:
     mesh.start("comm")
     until(lambda: "comm" in mesh.bus.alive_tokens())
-    second = mesh.command("node", "comm")
+    second = mesh.command("node", "comm", "--log-dir", str(mesh.folder))
     assert second.returncode == 2
     assert "Cannot listen on" in second.stderr
     assert one_sentence(second.stderr)
