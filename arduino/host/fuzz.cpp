@@ -13,7 +13,7 @@ const uint64_t kStep_us = 5000;
 const int kBytesPerStep = 57;  // what the line carries in that time
 
 struct Bench {
-  Bench() : board(fw_new(0, 1)), now_us(0) {
+  Bench() : board(fw_new(0, 1, 0)), now_us(0) {
     while (now_us < 3000000) step();  // until the gyro is calibrated
   }
   ~Bench() { fw_free(board); }

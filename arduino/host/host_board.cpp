@@ -14,7 +14,7 @@ const uint32_t kRxSize = 4096;
 
 class HostHal : public hal::Hal {
  public:
-  HostHal(uint8_t cause, uint16_t session) : cause_(cause), session_(session) {}
+  HostHal(uint8_t cause, uint16_t session, bool stopped) : stopped(stopped), cause_(cause), session_(session) {}
 
   uint32_t micros() override { return static_cast<uint32_t>(now_us); }
   void encoders(int32_t* left, int32_t* right) override {
@@ -55,6 +55,8 @@ class HostHal : public hal::Hal {
   uint16_t free_ram() override { return 6000; }  // about what the Mega has left
   uint8_t reset_cause() override { return cause_; }
   uint16_t session() override { return session_; }
+  bool stop_kept() override { return stopped; }
+  void keep_stop(bool kept) override { stopped = kept; }
 
   Outputs out = Outputs();
   uint64_t now_us = 0;
@@ -65,6 +67,7 @@ class HostHal : public hal::Hal {
   uint64_t echo_end_us[5] = {0, 0, 0, 0, 0};
   hal::Switches inputs = hal::Switches();
   uint16_t battery = 12000;
+  bool stopped;  // in its EEPROM
   char rx[kRxSize];
   uint32_t rx_length = 0, rx_taken = 0;
 
@@ -76,14 +79,18 @@ class HostHal : public hal::Hal {
 }  // namespace
 
 struct Board {
-  Board(uint8_t cause, uint16_t session) : hardware(cause, session), robot(hardware) {}
+  Board(uint8_t cause, uint16_t session, bool stopped) : hardware(cause, session, stopped), robot(hardware) {}
   HostHal hardware;
   core::Robot robot;
 };
 
 extern "C" {
 
-Board* fw_new(int cause, int session) { return new Board(static_cast<uint8_t>(cause), static_cast<uint16_t>(session)); }
+Board* fw_new(int cause, int session, int stopped) {
+  return new Board(static_cast<uint8_t>(cause), static_cast<uint16_t>(session), stopped != 0);
+}
+
+int fw_stop_kept(Board* board) { return board->hardware.stopped; }
 
 void fw_free(Board* board) { delete board; }
 

@@ -17,7 +17,9 @@ struct Outputs {
   char tx[kTxSize];
 };
 
-Board* fw_new(int cause, int session);
+// `stopped`: what the board before it kept over its restart, `fw_stop_kept`
+Board* fw_new(int cause, int session, int stopped);
+int fw_stop_kept(Board* board);
 void fw_free(Board* board);
 Outputs* fw_outputs(Board* board);
 // Runs the firmware up to `until_us` with these edges counted at its beginning

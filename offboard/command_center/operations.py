@@ -60,6 +60,8 @@ def result_sentence(operation: str, answer: Answer, permit: Permit | None) -> st
     held = permit.reason if permit is not None and (permit.stop_sources or not permit.resumed) else ""
     if answer is Answer.TAKEN:
         return f"The planner took the {operation}{f', but the robot stands: {held}' if held else ''}."
-    if held and operation == Operation.RESUME.value:
-        return f"The robot did not take the resume: {held}."
+    if operation == Operation.RESUME.value and permit is not None:
+        if held:
+            return f"The robot did not take the resume: {held}."
+        return "The planner did not answer the resume; the robot may move as soon as the planner is back."
     return f"Nobody answered the {operation}: is the planner running?"

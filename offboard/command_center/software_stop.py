@@ -35,7 +35,7 @@ class Look(Enum):
     IDLE = "no stop"
     SENT = "sent, not confirmed"
     LATCHED = "the robot holds it"
-    UNKNOWN = "comm has just started, and waits for the bridge"
+    UNKNOWN = "comm was started, and waits for what the Arduino knows"
     RELEASED = "released, nothing moves before a resume"
     LINK_LOST = "nothing is heard of the robot"
 
@@ -121,7 +121,7 @@ def release_hindrance(control: StopControl, report: RobotReport, now_s: float) -
     if control.demand is Demand.STOP:
         return "The stop is not confirmed yet: wait until it is."
     if report.stop_epoch == 0:
-        return "comm has just started and waits for the bridge: try again once it is heard."
+        return "The Arduino has not said yet which stop it knows: check bridge and USB cable, then try again."
     if not report.stop_sources:
         return "No stop is latched."
     if report.button_pressed:

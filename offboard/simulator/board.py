@@ -234,7 +234,8 @@ def _library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(build_firmware()))
     number = ctypes.c_int
     bind_board(library, "fw", _Outputs)
-    library.fw_new.argtypes, library.fw_new.restype = [number, number], ctypes.c_void_p
+    library.fw_new.argtypes, library.fw_new.restype = [number, number, number], ctypes.c_void_p
+    library.fw_stop_kept.argtypes, library.fw_stop_kept.restype = [ctypes.c_void_p], number
     library.fw_next_state.argtypes, library.fw_next_state.restype = [number, number], number
     return library
 
@@ -254,9 +255,11 @@ class HostBoard(NativeBoard):
         self.reset()
 
     def reset(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
+        stopped = 0
         if self._board is not None:
+            stopped = _library().fw_stop_kept(self._board)
             self._call["free"](self._board)
         self._session = (self._session + 1) % 65536
-        self._hold(_library().fw_new(int(cause), self._session))
+        self._hold(_library().fw_new(int(cause), self._session, stopped))
         self._left = self._right = 0
         self._push_inputs()

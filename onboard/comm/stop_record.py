@@ -77,7 +77,7 @@ def read_record(file: Path) -> StopRecord | None:
         fields: dict[str, Any] = json.loads(body)
         stops = tuple(Stop(str(stop["source"]), int(stop["stop_id"])) for stop in fields["stops"])
         return StopRecord(int(fields["epoch"]), stops, bool(fields["resumed"]), bool(fields["used"]))
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, OverflowError) as error:
         raise DamagedRecord(f"{file} holds no stop record") from error
 
 

@@ -8,7 +8,20 @@ import pytest
 
 from offboard.simulator.board import HostBoard, ResetCause
 from onboard.bridge.line_protocol import encode
-from onboard.bridge.protocol import HASH, STOP_BYTE, Ack, CarState, Drv, Hb, Hello, Rel, SimSta, Start, Stop
+from onboard.bridge.protocol import (
+    HASH,
+    STOP_BYTE,
+    Ack,
+    CarState,
+    Drv,
+    Hb,
+    Hello,
+    Rel,
+    SimSta,
+    Start,
+    Stop,
+    StopSourceFlag,
+)
 from tests.firmware.bench import Bench, ready_bench
 
 MEDIUM = 1
@@ -90,6 +103,29 @@ def test_release_moves_nothing_until_a_new_command() -> None:
     bench.drive(2, MEDIUM, 0.0)
     bench.run(2.0)
     assert bench.speed_m_s > 0.15
+
+
+def stopped_after_restart(bench: Bench) -> bool:
+    bench.board.reset()
+    bench.now_us, bench.car = 0, None
+    bench.run_until(lambda: bench.car is not None, 1.0)
+    return bool(bench.car.stop_latched & StopSourceFlag.BUTTON)
+
+
+@pytest.mark.requirement("CAR_MR_05")
+@pytest.mark.parametrize("kind", ["host", "avr"])
+def test_a_stop_by_the_button_outlives_a_restart_until_it_is_released(
+    kind: str, request: pytest.FixtureRequest
+) -> None:
+    bench = Bench(request.getfixturevalue("avr") if kind == "avr" else HostBoard())
+    bench.run(0.2)
+    bench.board.stop_button(True)
+    bench.run(0.2)
+    bench.board.stop_button(False)
+    assert stopped_after_restart(bench)
+    bench.send(Rel(1))
+    bench.run(0.2)
+    assert not stopped_after_restart(bench)
 
 
 def test_release_is_refused_while_the_button_is_pressed() -> None:

@@ -3,7 +3,7 @@ that are lost, late, doubled and overtaken, while any of them dies at any moment
 
 `World` raises `Violation` when the robot may move though a stop acted that was not released and resumed. A stop acts
 once the bridge holds it, knows it from a permit, or the disk has it. One that only a bridge knew which dies beside a
-living comm is not confirmed, and whoever pressed still sends it: it acts again when it arrives.
+living comm is not confirmed, and whoever pressed in a command center still sends it: it acts again when it arrives.
 """
 
 from __future__ import annotations
@@ -65,8 +65,9 @@ class Board:
         return kind == "heartbeat" and self.armed and not self.latched
 
     def reset(self) -> None:
-        pressed = self.pressed
-        self.__init__(session=self.session + 1)  # type: ignore[misc]
+        """It forgets all but a stop by its button."""
+        pressed, kept = self.pressed, self.latched & StopSourceFlag.BUTTON
+        self.__init__(session=self.session + 1, latched=kept)  # type: ignore[misc]
         self.press(pressed)
 
 
@@ -130,7 +131,8 @@ class World:
     def kill_bridge(self) -> None:
         if self.gate is not None and self.comm is not None:
             on_disk = {stop.stop_id for stop in self.disk.stops} if self.disk is not None else set()
-            for stop_id in self.known_to_bridge - on_disk:
+            pressed_elsewhere = {stop_id for stop_id in self.known_to_bridge if stop_id <= self.presses}
+            for stop_id in pressed_elsewhere - on_disk:
                 if self.ghost.epoch.get(stop_id, self.board.epoch + 1) > self.board.epoch:
                     self.ghost.acted.pop(stop_id, None)
         self.gate = None

@@ -411,6 +411,23 @@ def test_button_outlives_a_reset_of_the_board_until_comm_knows_it() -> None:
     rig.drive(2, Speed.MEDIUM)
     rig.run(1.0)
     assert not rig.bench.enabled
+    assert set(rig.carrier.stop_names) == {"button"}
+
+
+def test_button_that_nobody_heard_of_is_known_after_a_reset_of_the_board() -> None:
+    rig = driving_rig()
+    rig.cut = True
+    rig.bench.board.stop_button(True)
+    rig.run(0.2)
+    rig.bench.board.stop_button(False)
+    rig.bench.board.reset()
+    rig.bench.now_us = 0
+    rig.bridge = Bridge(rig.open)
+    rig.cut = False
+    rig.run(6.0)
+    rig.drive(2, Speed.MEDIUM)
+    rig.run(1.0)
+    assert not rig.bench.enabled
     assert rig.carrier.stop_names == ("button",)
 
 

@@ -90,7 +90,7 @@ def test_a_stop_of_another_source_is_not_the_press() -> None:
         (IDLE, STOPPED, 20.0, "not heard"),
         (StopControl(Demand.STOP, 10.0), STOPPED, 10.3, "not confirmed yet"),
         (IDLE, replace(STOPPED, button_pressed=True), 10.3, "button"),
-        (IDLE, replace(STOPPED, stop_epoch=0), 10.3, "just started"),
+        (IDLE, replace(STOPPED, stop_epoch=0), 10.3, "Arduino"),
         (IDLE, DRIVING, 10.0, "No stop"),
     ],
 )

@@ -21,7 +21,7 @@ RED_BUTTON = "use the red button on the robot"
 _FREE = {
     Look.IDLE: "No stop is latched",
     Look.RELEASED: "Released – nothing moves before a resume (r)",
-    Look.UNKNOWN: "comm has just started and waits for the bridge – nothing moves",
+    Look.UNKNOWN: "comm waits to hear which stop the Arduino knows – nothing moves",
 }
 
 

@@ -20,6 +20,7 @@ Robot::Robot(hal::Hal& hardware)
       switches_() {
   hardware_.motors(0, 0);
   hardware_.driver_enable(false);
+  if (hardware_.stop_kept()) stop_sources_ = STOP_SOURCE_FLAG_BUTTON;
 }
 
 void Robot::advance_time() {
@@ -92,6 +93,7 @@ void Robot::stop(uint8_t source) {
   enabled_ = false;
   hardware_.driver_enable(false);
   hardware_.motors(0, 0);
+  if (source == STOP_SOURCE_FLAG_BUTTON) hardware_.keep_stop(true);
 }
 
 bool Robot::in_time(int32_t epoch) {
@@ -102,6 +104,7 @@ bool Robot::in_time(int32_t epoch) {
 
 bool Robot::release(const Rel& message) {
   if (!in_time(message.epoch) || hardware_.switches().stop_button) return false;
+  if (stop_sources_ & STOP_SOURCE_FLAG_BUTTON) hardware_.keep_stop(false);
   stop_sources_ = 0;
   return true;
 }

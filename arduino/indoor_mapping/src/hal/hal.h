@@ -40,6 +40,9 @@ struct Hal {
   virtual uint8_t reset_cause() = 0;
   // Another number after each restart
   virtual uint16_t session() = 0;
+  // A stop by the button, which outlives every restart and the loss of power
+  virtual bool stop_kept() = 0;
+  virtual void keep_stop(bool kept) = 0;
 
  protected:
   ~Hal() {}

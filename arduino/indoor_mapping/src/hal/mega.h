@@ -48,6 +48,8 @@ bool take_imu(hal::Imu* reading);
 // mega_restart.cpp
 uint8_t reset_cause();
 uint16_t begin_session();
+bool stop_kept();
+void keep_stop(bool kept);
 // From the millisecond tick: the loop has not come round for `age_ms`
 void watch_loop();
 // From the loop, on every pass

@@ -38,6 +38,8 @@ class MegaBoard : public hal::Hal {
   uint16_t free_ram() override { return static_cast<uint16_t>(SP - reinterpret_cast<uint16_t>(&_end)); }
   uint8_t reset_cause() override { return mega::reset_cause(); }
   uint16_t session() override { return session_; }
+  bool stop_kept() override { return mega::stop_kept(); }
+  void keep_stop(bool kept) override { mega::keep_stop(kept); }
   void begin_session() { session_ = mega::begin_session(); }
 
  private:

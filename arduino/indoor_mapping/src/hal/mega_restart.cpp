@@ -21,6 +21,8 @@ const uint16_t kMark = 0x5EA1;
 Memory g_memory __attribute__((section(".noinit")));
 uint8_t g_flags __attribute__((section(".noinit")));  // MCUSR as it was
 uint16_t EEMEM g_sessions;
+uint8_t EEMEM g_stopped;
+const uint8_t kStopped = 0x5A;  // neither erased nor zero
 
 volatile uint8_t g_loop_age_ms;
 volatile bool g_stuck;
@@ -47,6 +49,11 @@ uint16_t begin_session() {
   eeprom_update_word(&g_sessions, session);
   return session;
 }
+
+bool stop_kept() { return eeprom_read_byte(&g_stopped) == kStopped; }
+
+// Returns at once: the chip writes by itself
+void keep_stop(bool kept) { eeprom_update_byte(&g_stopped, kept ? kStopped : 0xFF); }
 
 void watch_loop() {
   if (++g_loop_age_ms < config::kLoopLockup_ms) return;
