@@ -21,6 +21,7 @@ from offboard.tools.log_frames import Lines, note
 
 REACH_M, REACH_M_S = 1.0, 3.0  # what no robot indoors goes beyond from frame to frame
 REACH_RAD, REACH_RAD_S = 1.5, 2.0
+PAUSE_MAX_S = 60.0  # a longer one allows no further way
 HOME = 0.05  # metres and radians: a driver that was started again begins at zero
 USUAL_TIMES = 3.0  # so many times the usual step is no step to zero
 GLITCH_MAX = 5  # frames
@@ -31,6 +32,12 @@ VIEWS = 10  # how many frames must see what was seen there
 BACK_MAX_M = 100.0  # how far from where it was a robot is believed to be elsewhere all of a sudden
 COURSE_OFF = 0.05  # mean square of the sine between heading and course of a robot that does not drive where it looks
 COURSE_TIMES = 5.0
+
+NEAR_ZERO_M = 1e5  # further off, places lose digits
+BEGUN = (
+    "odometry does not go on from the frame before; a new piece of the map begins, to be tied to the rest by what it "
+    "sees"
+)
 
 Mask = npt.NDArray[np.bool_]
 
@@ -73,7 +80,7 @@ class Trust:
         moves = (step_m > 0) | (turn_rad > 0)
         usual = [float(np.percentile(v[moves], 95)) if moves.any() else 0.0 for v in (step_m, turn_rad)]
         self._usual = max(usual[0], HOME), max(usual[1], HOME)
-        dt_s = np.diff(self.times_s)
+        dt_s = np.minimum(np.diff(self.times_s), PAUSE_MAX_S)
         reached = (step_m <= REACH_M + REACH_M_S * dt_s) & (turn_rad <= REACH_RAD + REACH_RAD_S * dt_s)
         far = (step_m > USUAL_TIMES * self._usual[0]) | (turn_rad > USUAL_TIMES * self._usual[1])
         reached &= ~(far & (np.abs(self.poses[1:]) < HOME).all(axis=1))
@@ -81,10 +88,23 @@ class Trust:
 
     def judge(self) -> tuple[FloatArray, Mask]:
         """Poses (N, 3) that go on, and for which frames (N,) that is known; adds notes."""
-        goes_on = np.ones(len(self.poses), np.bool_)
-        if self._reached.all():
-            return self.poses, goes_on
-        raw, strays, begun = self.poses.copy(), [], []
+        raw, begun = self._without_strays()
+        note(self.notes, self.lines[begun].tolist(), BEGUN)
+        poses, goes_on = raw.copy(), np.ones(len(raw), np.bool_)
+        for at in begun:
+            goes_on[at] = False
+            start = self._begin(at, raw, poses)
+            turn = Pose2(start.x_m, start.y_m, wrap_angle(start.heading_rad - float(raw[at, 2])))
+            poses[at:, :2] = turn.transform(raw[at:, :2] - raw[at, :2])
+            poses[at:, 2] = wrap_angles(raw[at:, 2] + turn.heading_rad)
+        if np.abs(poses[:, :2]).max() > NEAR_ZERO_M:
+            poses[:, :2] -= poses[0, :2].copy()
+        return poses, goes_on
+
+    def _without_strays(self) -> tuple[FloatArray, list[int]]:
+        """Poses (N, 3) without those out of reach for a few frames, and with which frames odometry began anew."""
+        raw, strays = self.poses.copy(), np.zeros(len(self.poses), np.bool_)
+        begun: list[int] = []
         back = 0
         for at in np.flatnonzero(~self._reached).tolist():
             if at <= back:
@@ -92,29 +112,20 @@ class Trust:
             back = self._back(at)
             if back:
                 raw[at:back] = _between(raw[at - 1], raw[back], back - at)
-                strays += self.lines[at:back].tolist()
+                strays[at:back] = True
+            elif at <= GLITCH_MAX and not begun:  # it was not ready at first
+                raw[:at] = raw[at]
+                strays[:at] = True
             else:
                 begun.append(at)
-        note(self.notes, strays, "odometry is out of reach there and was put between its neighbours")
-        note(
-            self.notes,
-            self.lines[begun].tolist(),
-            "odometry does not go on from the frame before; a new piece of "
-            "the map begins, to be tied to the rest by what it sees",
-        )
-        poses = raw.copy()
-        for at in begun:
-            goes_on[at] = False
-            piece = self._begin(at, raw, poses).compose(Pose2.from_array(raw[at]).inverse())
-            poses[at:, :2] = piece.transform(raw[at:, :2])
-            poses[at:, 2] = wrap_angles(raw[at:, 2] + piece.heading_rad)
-        return poses, goes_on
+        note(self.notes, self.lines[strays].tolist(), "odometry is out of reach there; it was put to its neighbours")
+        return raw, begun
 
     def _back(self, at: int) -> int:
         """Where soon after `at` odometry jumps back to where it goes on from the frame before; 0 where it does not."""
         for k in range(at + 1, min(at + 1 + GLITCH_MAX, len(self.poses))):
             before, after = Pose2.from_array(self.poses[at - 1]), Pose2.from_array(self.poses[k])
-            dt_s = float(self.times_s[k] - self.times_s[at - 1])
+            dt_s = min(float(self.times_s[k] - self.times_s[at - 1]), PAUSE_MAX_S)
             if not self._reached[k] and before.distance_m(after) <= REACH_M + REACH_M_S * dt_s:
                 return k
         return 0

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from range_log_scenes import BEGAN_S, HEADER, PERIOD_S, ROUND, carmen_lines, csv_lines, drive, map_off_m
+from range_log_scenes import BEGAN_S, HEADER, PERIOD_S, ROUND, STEP_M, carmen_lines, csv_lines, drive, map_off_m
 
 from common.geometry import Pose2, wrap_angles
 from deploy.cli import main
@@ -162,6 +162,13 @@ def test_a_pose_out_of_reach_lies_between_its_neighbours(
     log = read(tmp_path, csv_lines(odometry=lambda i, pose: told(pose) if i == GLITCH else pose))
     assert_same(log, plain)
     assert f"line {GLITCH + FIRST_FRAME_LINE}: odometry is out of reach" in log.notes[0]
+
+
+def test_odometry_that_is_not_ready_at_first_begins_once_it_is(tmp_path: Path, plain: RangeLog) -> None:
+    log = read(tmp_path, csv_lines(odometry=lambda i, p: Pose2(1e29, -1e29, 0.0) if i < 2 else p))
+    assert log.poses[2:] == pytest.approx(plain.poses[2:], abs=2e-3)
+    assert log.poses[:2] == pytest.approx(plain.poses[:2], abs=2 * STEP_M)
+    assert "line 4 and 1 more: odometry is out of reach" in log.notes[0]
 
 
 def test_odometry_may_begin_anywhere(tmp_path: Path, plain: RangeLog) -> None:
