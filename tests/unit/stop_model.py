@@ -143,12 +143,15 @@ class World:
             self.disk = None
 
     def reset_board(self) -> None:
+        before = button_press(self.board.session, self.board.count)
         self.board.reset()
+        if self.board.latched & StopSourceFlag.BUTTON and before not in self.ghost.epoch:
+            self.ghost.acted.pop(before, None)  # the board keeps it, under another id
 
     def cut_power(self) -> None:
         self.kill_comm()
         self.kill_bridge()
-        self.board.reset()
+        self.reset_board()
         self.to_comm.clear()
         self.to_board.clear()
 
