@@ -14,6 +14,7 @@ from deploy.bench.machine import machine
 BENCHES = {
     "bus": ("our bus against bare Zenoh: latency, processor", "deploy.bench.bus_overhead"),
     "stop": ("software stop, command to wheels off, on an idle and on a full link", "deploy.bench.stop_latency"),
+    "board": ("what the programs of the BeagleBone cost, and the share of its processor", "deploy.bench.board_budget"),
     "firmware": ("what the firmware costs on the Mega, in simavr", "offboard.simulator.firmware_cost"),
 }
 
