@@ -33,7 +33,7 @@ from deploy.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
-from onboard.mmu.map_file import MAP_NAME
+from onboard.mmu.map.map_file import MAP_NAME
 
 SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0

@@ -28,7 +28,7 @@ from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
-from onboard.mmu.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit, carrier_of
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi, reader_of

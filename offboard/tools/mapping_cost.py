@@ -32,8 +32,8 @@ from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, RANGES, Odometry, Ranges, Topic
 from common.zenoh_bus import ZenohBus
 from offboard.tools.mapping_course import Course
+from onboard.mmu.back_end.worker import ProcessWorker
 from onboard.mmu.mmu import MappingUnit
-from onboard.mmu.worker import ProcessWorker
 
 MARKS_M = (100.0, 300.0, 600.0, 1000.0)
 QUICK_MARKS_M = (100.0,)

@@ -17,7 +17,7 @@ from common.geometry import FloatArray, Pose2
 from common.messages import Ranges
 from offboard.recorder.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_NAME, write_map_points, write_tum
 from offboard.tools.range_log import RangeLog
-from onboard.mmu.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.slam import Carrier, Slam
 
 BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narrower, a small sonar's wider

@@ -24,10 +24,10 @@ from common.messages import (
     Trajectory,
 )
 from common.status import StatusReporter
-from onboard.mmu.grid_press import GridPress
-from onboard.mmu.map_file import MAP_NAME, SavedMap, load_map
+from onboard.mmu.back_end.worker import ProcessWorker, Worker
+from onboard.mmu.map.grid_encoder import GridPress
+from onboard.mmu.map.map_file import MAP_NAME, SavedMap, load_map
 from onboard.mmu.slam import ROBOT, Carrier, Slam
-from onboard.mmu.worker import ProcessWorker, Worker
 
 GRID_PERIOD_S = 1.0
 TRAJECTORY_PERIOD_S = 10.0

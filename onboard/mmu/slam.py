@@ -19,13 +19,13 @@ import numpy as np
 from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M, TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
 from common.messages import Odometry, Ranges
-from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, LastSeen, PoseStore, in_map
-from onboard.mmu.map_file import SavedMap
-from onboard.mmu.occupancy import OccupancyGrid
-from onboard.mmu.odometry import OdometryFilter, board_pose
-from onboard.mmu.surroundings import BEAM_HALF_RAD, Echo, Ray, Surroundings
-from onboard.mmu.wall_points import WallPoints, WallStore
-from onboard.mmu.worker import Worker
+from onboard.mmu.back_end.worker import Worker
+from onboard.mmu.front_end.odometry import OdometryFilter, board_pose
+from onboard.mmu.front_end.range_features import BEAM_HALF_RAD, Echo, Ray, Surroundings
+from onboard.mmu.map.keyframes import Correction, FrameStore, Increment, KeyFrame, LastSeen, PoseStore, in_map
+from onboard.mmu.map.map_file import SavedMap
+from onboard.mmu.map.occupancy import OccupancyGrid
+from onboard.mmu.map.wall_points import WallPoints, WallStore
 
 KEY_FRAME_M = 0.4
 KEY_FRAME_RAD = 0.35

@@ -76,5 +76,31 @@ def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ..
     assert offences(not_in(*homes), package) == []
 
 
+# Of each folder with rooms, from the top down: a room imports itself and what stands below it. "." is the folder itself
+ROOMS = {
+    "onboard/mmu": (".", "back_end", "front_end", "map", "on_demand"),
+}
+
+
+def room_of(path: str, folder: str) -> str:
+    """In which room of the folder a file or folder lies."""
+    rest = path.removeprefix(f"{folder}/").removesuffix(".py").split("/")
+    return rest[0] if rest[0] in ROOMS[folder] else "."
+
+
+@pytest.mark.parametrize("folder", ROOMS)
+def test_rooms_import_one_way(folder: str) -> None:
+    rooms, package = ROOMS[folder], folder.replace("/", ".")
+    upward = [
+        f"{module.path}:{line} imports {name}"
+        for module in MODULES
+        if inside(folder)(module.path)
+        for name, line in module.imports()
+        if name.startswith(f"{package}.")
+        and rooms.index(room_of(name.replace(".", "/"), folder)) < rooms.index(room_of(module.path, folder))
+    ]
+    assert upward == []
+
+
 def test_imports_are_absolute() -> None:
     assert [f"{module.path}:{line}" for module in MODULES for line in module.relative_imports()] == []

@@ -26,7 +26,7 @@ from offboard.tools.umbmark import end_point, fit_wheels
 from onboard.bridge.protocol import CarState, Odo
 from onboard.bridge.serial_port import SerialPort
 from onboard.bridge.translation import odometry
-from onboard.mmu.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import carrier_of
 from onboard.mmu.slam import Slam
 from tests.firmware.course import open_hall

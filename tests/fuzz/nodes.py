@@ -39,7 +39,7 @@ from onboard.comm.outbox_sender import PIECE_BYTES
 from onboard.comm.outbox_store import pack_row
 from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_record import RECORD_NAME
-from onboard.mmu.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from common.geometry import FloatArray, Pose2
-from onboard.mmu.back_end import BackEnd
-from onboard.mmu.edges import Kind
-from onboard.mmu.key_frames import Increment, KeyFrame
-from onboard.mmu.pose_graph import PoseGraph
+from onboard.mmu.back_end.back_end import BackEnd
+from onboard.mmu.back_end.factors import Kind
+from onboard.mmu.back_end.pose_graph import PoseGraph
+from onboard.mmu.map.keyframes import Increment, KeyFrame
 
 STEP_M = 0.4
 WAY_M = 24.0

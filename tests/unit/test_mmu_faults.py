@@ -13,8 +13,8 @@ import pytest
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import Pose2
 from common.messages import Odometry, Ranges
-from onboard.mmu.deferred_worker import DeferredWorker
-from onboard.mmu.map_file import SavedMap, load_map
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.map.map_file import SavedMap, load_map
 from onboard.mmu.slam import Slam
 from tests.unit.mmu_scenes import heard, ring
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from common.geometry import Points, Pose2
-from onboard.mmu import grid_press
-from onboard.mmu.grid_press import GridPress
-from onboard.mmu.key_frames import Increment, KeyFrame
-from onboard.mmu.occupancy import OccupancyGrid
-from onboard.mmu.rounds import REDRAW_WAY_M, Rounds
-from onboard.mmu.wall_points import WallPoints, WallStore
+from onboard.mmu.back_end.map_builder import REDRAW_WAY_M, Rounds
+from onboard.mmu.map import grid_encoder
+from onboard.mmu.map.grid_encoder import GridPress
+from onboard.mmu.map.keyframes import Increment, KeyFrame
+from onboard.mmu.map.occupancy import OccupancyGrid
+from onboard.mmu.map.wall_points import WallPoints, WallStore
 
 NONE: Points = np.zeros((0, 2))
 
@@ -31,7 +31,7 @@ def grid() -> OccupancyGrid:
 
 @pytest.mark.parametrize("at_once", [100, 1000, 10_000_000])
 def test_a_grid_pressed_in_parts_is_the_whole_grid(monkeypatch: pytest.MonkeyPatch, at_once: int) -> None:
-    monkeypatch.setattr(grid_press, "CELLS_AT_ONCE", at_once)
+    monkeypatch.setattr(grid_encoder, "CELLS_AT_ONCE", at_once)
     whole = grid()
     press = GridPress()
     assert press.advance(0.0) is None
@@ -47,7 +47,7 @@ def test_a_grid_pressed_in_parts_is_the_whole_grid(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_grid_that_grows_while_it_is_pressed_goes_out_as_large_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(grid_press, "CELLS_AT_ONCE", 1000)
+    monkeypatch.setattr(grid_encoder, "CELLS_AT_ONCE", 1000)
     growing = grid()
     shape, origin_m = growing.shape, growing.origin_m
     press = GridPress()

@@ -35,7 +35,7 @@ from common.messages import (
     Ranges,
     Status,
 )
-from onboard.mmu.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
 from tests.unit.mmu_scenes import heard, ring
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from common.constants import HULL_RADIUS_M
-from onboard.mmu.occupancy import CELL_M, FREE, UNKNOWN, WALL, OccupancyGrid
+from onboard.mmu.map.occupancy import CELL_M, FREE, UNKNOWN, WALL, OccupancyGrid
 
 START = np.array([[0.05, 0.05]])
 

@@ -12,7 +12,7 @@ import pytest
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import Pose2, wrap_angle
 from common.messages import Odometry
-from onboard.mmu.odometry import OdometryFilter
+from onboard.mmu.front_end.odometry import OdometryFilter
 
 PERIOD_S = 0.1
 

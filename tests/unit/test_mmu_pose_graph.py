@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from common.geometry import FloatArray, Pose2, wrap_angle
-from onboard.mmu.edges import Edge, EdgeStore, Kind
-from onboard.mmu.pose_graph import LENGTH, TURN, WALLS, DriftPrior, PoseGraph
+from onboard.mmu.back_end.factors import Edge, EdgeStore, Kind
+from onboard.mmu.back_end.pose_graph import LENGTH, TURN, WALLS, DriftPrior, PoseGraph
 
 STEP_M = 0.4
 SIDE = 12  # steps per side of the square

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.geometry import Points, Pose2
-from onboard.mmu.scan_matching import Match, register
+from onboard.mmu.front_end.scan_matching import Match, register
 
 
 def wall(start: tuple[float, float], end: tuple[float, float], normal: tuple[float, float]) -> tuple[Points, Points]:

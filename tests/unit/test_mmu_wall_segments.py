@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from common.constants import MAP_DENSITY_PER_M
 from common.geometry import FloatArray, Points, Pose2
-from onboard.mmu.wall_segments import Rays, concluded, straight_walls
+from onboard.mmu.map.wall_segments import Rays, concluded, straight_walls
 
 NO_RAYS = Rays(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
 Echoes = tuple[Points, FloatArray]

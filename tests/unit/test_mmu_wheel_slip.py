@@ -7,7 +7,7 @@ from math import radians, sqrt
 import numpy as np
 import pytest
 
-from onboard.mmu.wheel_slip import SLIP_MIN_M_PER_SQRT_M, WheelSlip
+from onboard.mmu.front_end.wheel_slip import SLIP_MIN_M_PER_SQRT_M, WheelSlip
 
 TRACK_M, STEP_M = 0.23, 0.016
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
-from onboard.mmu.deferred_worker import DeferredWorker
-from onboard.mmu.key_frames import Correction, Increment, KeyFrame, LastSeen
-from onboard.mmu.map_file import SavedMap, load_map, save_map
-from onboard.mmu.worker import ProcessWorker
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.worker import ProcessWorker
+from onboard.mmu.map.keyframes import Correction, Increment, KeyFrame, LastSeen
+from onboard.mmu.map.map_file import SavedMap, load_map, save_map
 
 DEADLINE_S = 20.0
 

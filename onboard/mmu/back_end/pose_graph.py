@@ -20,8 +20,8 @@ from scipy.sparse import block_diag, csr_matrix, diags, identity
 from scipy.sparse.linalg import splu
 
 from common.geometry import FloatArray, Pose2, wrap_angles
-from onboard.mmu.edges import EdgeStore, Kind
-from onboard.mmu.growing import GrowingRows
+from onboard.mmu.back_end.factors import EdgeStore, Kind
+from onboard.mmu.map.growing_rows import GrowingRows
 
 DCS_PHI = 8.0
 ITERATIONS = 14

@@ -8,7 +8,7 @@ from math import radians
 import numpy as np
 
 from common.geometry import FloatArray
-from onboard.mmu.pose_graph import DriftPrior
+from onboard.mmu.back_end.pose_graph import DriftPrior
 
 SEARCH_M = 0.8
 SEARCH_MAX_M = 4.0

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from common.geometry import FloatArray, Points, Pose2
-from onboard.mmu.correlative_search import Place, search
+from onboard.mmu.front_end.correlative_search import Place, search
 
 NEIGHBOUR_M = 0.30
 NEIGHBOUR_FINAL_M = 0.15

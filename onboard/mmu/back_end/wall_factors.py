@@ -12,12 +12,12 @@ from math import cos, pi, radians, sin, sqrt
 import numpy as np
 
 from common.geometry import FloatArray, Pose2, RightAngles, wrap_angle
-from onboard.mmu.edges import Edge, Kind
-from onboard.mmu.key_frames import in_map
-from onboard.mmu.odometry_errors import LENGTH_SD
-from onboard.mmu.pose_graph import WALLS
-from onboard.mmu.trail import Trail
-from onboard.mmu.walls import Wall, WallAhead, WallPiece, fit_piece
+from onboard.mmu.back_end.factors import Edge, Kind
+from onboard.mmu.back_end.keyframe_graph import Trail
+from onboard.mmu.back_end.odometry_noise import LENGTH_SD
+from onboard.mmu.back_end.pose_graph import WALLS
+from onboard.mmu.back_end.wall_landmarks import Wall, WallAhead, WallPiece, fit_piece
+from onboard.mmu.map.keyframes import in_map
 
 RIGHT_ANGLES_WALL_M = 20.0  # of pieces, which overlap, before anything is concluded
 RIGHT_ANGLES_SHARE = 0.9

@@ -14,8 +14,8 @@ import numpy as np
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Pose2, wrap_angle
 from common.messages import Odometry
-from onboard.mmu.kalman import ExtendedKalmanFilter
-from onboard.mmu.wheel_slip import WheelSlip
+from onboard.mmu.front_end.kalman import ExtendedKalmanFilter
+from onboard.mmu.front_end.wheel_slip import WheelSlip
 
 # Causes, as standard deviations
 SLIP_SD_PER_SQRT_M = 0.01  # metres of slip per wheel after one metre

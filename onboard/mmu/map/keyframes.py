@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from common.geometry import FloatArray, Points, Pose2
-from onboard.mmu.growing import GrowingRows
-from onboard.mmu.occupancy import OccupancyGrid
-from onboard.mmu.wall_points import WallPoints
+from onboard.mmu.map.growing_rows import GrowingRows
+from onboard.mmu.map.occupancy import OccupancyGrid
+from onboard.mmu.map.wall_points import WallPoints
 
 
 @dataclass(frozen=True, slots=True)

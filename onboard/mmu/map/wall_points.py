@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import Points
-from onboard.mmu.growing import GrowingRows
+from onboard.mmu.map.growing_rows import GrowingRows
 
 
 @dataclass(frozen=True, slots=True)

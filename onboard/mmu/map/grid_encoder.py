@@ -9,7 +9,7 @@ import zlib
 from copy import copy
 
 from common.messages import GridUpdate
-from onboard.mmu.occupancy import CELL_M, OccupancyGrid
+from onboard.mmu.map.occupancy import CELL_M, OccupancyGrid
 
 CELLS_AT_ONCE = 100_000
 LEVEL = 1  # of zlib: a grid is mostly long runs of one value

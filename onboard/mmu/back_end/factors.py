@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import FloatArray, Pose2
-from onboard.mmu.growing import GrowingRows
+from onboard.mmu.map.growing_rows import GrowingRows
 
 
 class Kind(Enum):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from common.geometry import FloatArray, Pose2
-from onboard.mmu.back_end import BackEnd
-from onboard.mmu.key_frames import Increment, KeyFrame
-from onboard.mmu.wall_bend import bend
+from onboard.mmu.back_end.back_end import BackEnd
+from onboard.mmu.back_end.heading_drift import bend
+from onboard.mmu.map.keyframes import Increment, KeyFrame
 
 RNG = np.random.default_rng(7)
 

@@ -8,11 +8,11 @@ from math import cos, radians, sin
 import numpy as np
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from onboard.mmu.edges import Edge, Kind
-from onboard.mmu.key_frames import FrameStore, KeyFrame, in_map
-from onboard.mmu.odometry_errors import WHEELS_ALONE, OdometryErrors
-from onboard.mmu.pose_graph import LENGTH, TURN, PoseGraph
-from onboard.mmu.scan_matching import Match, register
+from onboard.mmu.back_end.factors import Edge, Kind
+from onboard.mmu.back_end.odometry_noise import WHEELS_ALONE, OdometryErrors
+from onboard.mmu.back_end.pose_graph import LENGTH, TURN, PoseGraph
+from onboard.mmu.front_end.scan_matching import Match, register
+from onboard.mmu.map.keyframes import FrameStore, KeyFrame, in_map
 
 KNOWN = np.diag([0.01**-2, 0.01**-2, radians(0.1) ** -2])  # between key frames of a map from before
 CARRIED = np.diag([2.0**-2, 2.0**-2, radians(30.0) ** -2])

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from common.geometry import FloatArray
-from onboard.mmu.back_end import BackEnd
-from onboard.mmu.key_frames import Correction, FrameStore, Increment, KeyFrame, in_map
-from onboard.mmu.map_file import SAVE_EVERY_S, SavedMap, try_save
-from onboard.mmu.occupancy import OccupancyGrid
-from onboard.mmu.wall_points import WallPoints
-from onboard.mmu.wall_segments import Rays, concluded
+from onboard.mmu.back_end.back_end import BackEnd
+from onboard.mmu.map.keyframes import Correction, FrameStore, Increment, KeyFrame, in_map
+from onboard.mmu.map.map_file import SAVE_EVERY_S, SavedMap, try_save
+from onboard.mmu.map.occupancy import OccupancyGrid
+from onboard.mmu.map.wall_points import WallPoints
+from onboard.mmu.map.wall_segments import Rays, concluded
 
 REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and walls
 REDRAW_WAY_M = 10.0  # after so much way the walls are drawn anew all the same

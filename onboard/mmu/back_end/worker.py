@@ -20,7 +20,7 @@ from typing import IO, Protocol
 
 from common.environment import PROCESS_ENVIRONMENT
 from common.memory import give_back
-from onboard.mmu.key_frames import Correction, Increment
+from onboard.mmu.map.keyframes import Correction, Increment
 
 _LENGTH = struct.Struct("<Q")
 
@@ -41,7 +41,7 @@ class Worker(Protocol):
 
 
 class ProcessWorker:
-    """The back end in `onboard.mmu.worker_process`. One that dies is started again and given everything anew.
+    """The back end in `onboard.mmu.back_end.worker_process`. One that dies is started again and given everything anew.
 
     A thread talks to it: with a full pipe or a correction of a large map the step has nothing to do.
     """
@@ -57,7 +57,7 @@ class ProcessWorker:
         command = [
             sys.executable,
             "-m",
-            "onboard.mmu.worker_process",
+            "onboard.mmu.back_end.worker_process",
             *([str(self._map_file)] if self._map_file else []),
         ]
         self._process = subprocess.Popen(

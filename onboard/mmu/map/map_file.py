@@ -15,7 +15,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from common.geometry import FloatArray, Pose2
-from onboard.mmu.key_frames import KeyFrame, LastSeen
+from onboard.mmu.map.keyframes import KeyFrame, LastSeen
 
 MAP_NAME = "map.npz"  # in the log folder of mmu
 SAVE_EVERY_S = 30.0

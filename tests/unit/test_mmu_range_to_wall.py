@@ -9,7 +9,7 @@ import pytest
 
 from common.constants import SONAR_STEP_M
 from common.geometry import Pose2
-from onboard.mmu.approach import Approach, ApproachTrack
+from onboard.mmu.front_end.range_to_wall import Approach, ApproachTrack
 
 STEP_M = 0.024  # between two pings of a sonar, at mapping speed
 WALL_M = 5.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from onboard.mmu.walls import Line, WallPiece, fit_piece
+from onboard.mmu.back_end.wall_landmarks import Line, WallPiece, fit_piece
 
 
 def echoes(

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from onboard.mmu.key_frames import Correction, Increment
-from onboard.mmu.rounds import Rounds
+from onboard.mmu.back_end.map_builder import Rounds
+from onboard.mmu.map.keyframes import Correction, Increment
 
 LATENCY_S = 0.4
 

@@ -14,10 +14,10 @@ from math import radians
 import numpy as np
 
 from common.geometry import Pose2, wrap_angle
-from onboard.mmu.edges import Edge, Kind
-from onboard.mmu.odometry_errors import WHEELS_ALONE
-from onboard.mmu.trail import Trail
-from onboard.mmu.wall_bend import bend
+from onboard.mmu.back_end.factors import Edge, Kind
+from onboard.mmu.back_end.heading_drift import bend
+from onboard.mmu.back_end.keyframe_graph import Trail
+from onboard.mmu.back_end.odometry_noise import WHEELS_ALONE
 
 BEND_WAY_M = 5.0
 BENDS_KEPT = 16

@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 
 from common.memory import give_back
-from onboard.mmu.key_frames import Increment
+from onboard.mmu.back_end.worker import receive, send
+from onboard.mmu.map.keyframes import Increment
 from onboard.mmu.on_demand import on_demand
-from onboard.mmu.worker import receive, send
 
 # Of scipy the back end calls a sparse factorisation and a tree; loading them takes in much of numpy and scipy
 with on_demand("numpy.f2py", "numpy.testing", "scipy.spatial.distance", "scipy.spatial.transform"):
-    from onboard.mmu.rounds import Rounds
+    from onboard.mmu.back_end.map_builder import Rounds
 
 
 def main() -> None:

@@ -14,8 +14,8 @@ import numpy as np
 
 from common.constants import SONAR_RANGE_MIN_M, SONAR_STEP_M
 from common.geometry import FloatArray, Pose2, wrap_angle
-from onboard.mmu.approach import AHEAD_RAD, Approach, ApproachTrack
-from onboard.mmu.echo_direction import Beam, locate
+from onboard.mmu.front_end.echo_direction import Beam, locate
+from onboard.mmu.front_end.range_to_wall import AHEAD_RAD, Approach, ApproachTrack
 
 WINDOW_HALF_M = 0.25  # travel before and after a sample that its direction is fitted over
 WINDOW_HALF_RAD = radians(35.0)

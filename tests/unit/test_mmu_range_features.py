@@ -11,7 +11,7 @@ import pytest
 
 from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M
 from common.geometry import Pose2, wrap_angle
-from onboard.mmu.surroundings import Echo, Ray, Surroundings, pose_at
+from onboard.mmu.front_end.range_features import Echo, Ray, Surroundings, pose_at
 
 LEFT = radians(90.0)
 SPEED_M_S = 0.16

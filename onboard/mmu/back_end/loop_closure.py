@@ -8,8 +8,8 @@ from math import radians
 import numpy as np
 
 from common.geometry import FloatArray
-from onboard.mmu.edges import Kind
-from onboard.mmu.trail import Trail
+from onboard.mmu.back_end.factors import Kind
+from onboard.mmu.back_end.keyframe_graph import Trail
 
 RECENT_M = 5.0  # of way that is matched as one
 LOOP_GAP_M = 12.0  # of way before a place counts as visited before

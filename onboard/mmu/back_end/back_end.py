@@ -1,20 +1,20 @@
 """The back end: key frames and echoes in, corrected poses of all of them out. Runs beside the mapping unit's steps.
 
-1. Odometry joins the key frames in the pose graph (`trail`).
-2. Ties are looked for: `near_ties`, `wall_ties`, `loop_ties`.
+1. Odometry joins the key frames in the pose graph (`keyframe_graph`).
+2. Ties are looked for: `sequential_matching`, `wall_factors`, `loop_closure`.
 3. The graph comes to rest when it gained a tie that pulls.
 """
 
 from __future__ import annotations
 
-from onboard.mmu.edges import Kind
-from onboard.mmu.key_frames import Correction, FrameStore, Increment
-from onboard.mmu.loop_ties import LoopTies
-from onboard.mmu.near_ties import NearTies
-from onboard.mmu.odometry_errors import GYRO_LED, UNKNOWN
-from onboard.mmu.pose_graph import TURN
-from onboard.mmu.trail import Trail
-from onboard.mmu.wall_ties import WallTies
+from onboard.mmu.back_end.factors import Kind
+from onboard.mmu.back_end.keyframe_graph import Trail
+from onboard.mmu.back_end.loop_closure import LoopTies
+from onboard.mmu.back_end.odometry_noise import GYRO_LED, UNKNOWN
+from onboard.mmu.back_end.pose_graph import TURN
+from onboard.mmu.back_end.sequential_matching import NearTies
+from onboard.mmu.back_end.wall_factors import WallTies
+from onboard.mmu.map.keyframes import Correction, FrameStore, Increment
 
 MATCH_EVERY_M = 1.0
 STRAIN_MAX = 0.5  # a new tie that pulls less (chi squared) can wait
