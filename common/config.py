@@ -2,7 +2,8 @@
 
 Every process reads the same file. What the file leaves out takes the value written here; physical numbers come from
 `constants`. A further section is a further dataclass here and a field of `Config`; what a value must be besides its
-type is annotated with `rules`, a number always with its limits.
+type is annotated with `rules`, a number always with its limits. The text below a key is its line in
+`docs/robot-toml.md`.
 """
 
 from __future__ import annotations
@@ -45,28 +46,32 @@ class ConfigError(StartError):
 
 @dataclass(frozen=True, slots=True)
 class RobotSection:
-    # First part of every key on the bus
     name: Annotated[str, Form(r"[^/*$#?@\s]{1,64}", "must be one word without / * $ # ? @")] = "robot1"
+    """First part of every key on the bus."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeshSection:
     """Who meets where. One file may serve all machines: each process takes of it what is for its own."""
 
-    # Where comm listens, and the modules beside it connect; they listen at the same port of 127.0.0.2 and so on
     router: Annotated[str, _ON_LOOPBACK] = "tcp/127.0.0.1:7447"
-    laptop_router: Annotated[str, _ON_LOOPBACK] = "tcp/127.0.0.1:7448"  # where the recorder listens
-    # Where comm listens for the other machines, e.g. "tls/0.0.0.0:7449"; empty: for none
+    """Where comm listens and the modules beside it connect; they listen at the same port of 127.0.0.2 and so on."""
+    laptop_router: Annotated[str, _ON_LOOPBACK] = "tcp/127.0.0.1:7448"
+    """Where the recorder listens."""
     listen: Annotated[str, _TO_OTHERS] = ""
-    # Where the other machines find comm, e.g. "tls/robot:7449"; empty: all is on this machine
+    """Where comm listens for the other machines, e.g. "tls/0.0.0.0:7449"; empty: for none."""
     robot: Annotated[str, _TO_OTHERS] = ""
-    keys: str = ""  # folder that `deploy keys` made; empty: everybody on this machine may command
+    """Where the other machines find comm, e.g. "tls/robot:7449"; empty: all is on this machine."""
+    keys: str = ""
+    """Folder that `deploy keys` made; empty: everybody on this machine may command."""
 
 
 @dataclass(frozen=True, slots=True)
 class BridgeSection:
-    serial_port: str = "/dev/ttyACM0"  # better: the board's own name below /dev/serial/by-id
+    serial_port: str = "/dev/ttyACM0"
+    """Device of the Arduino; better than the default: the board's own name below /dev/serial/by-id."""
     baud: Annotated[int, Between(1, 10_000_000)] = 115200
+    """Bits per second; the firmware has a fixed 115200."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +79,9 @@ class WheelsSection:
     """Calibrated body: what `WHEEL_DIAMETER_M` and `WHEEL_TRACK_M` are on this very robot."""
 
     diameter_m: Annotated[float, _LENGTH_M] = WHEEL_DIAMETER_M
+    """Of both wheels; `calibrate wheels` measures it."""
     track_m: Annotated[float, _LENGTH_M] = WHEEL_TRACK_M
+    """Between the wheels' points of contact; `calibrate wheels` measures it."""
 
     @property
     def tick_m(self) -> float:
@@ -89,6 +96,7 @@ class SonarsSection:
     bearings_deg: Annotated[tuple[Annotated[float, Between(-180.0, 180.0)], ...], Count(SONAR_COUNT, "angles")] = tuple(
         round(degrees(b), 6) for b in SONAR_BEARINGS_RAD
     )
+    """Direction of each, counter-clockwise from straight ahead."""
 
     @property
     def bearings_rad(self) -> tuple[float, ...]:
@@ -97,42 +105,48 @@ class SonarsSection:
 
 @dataclass(frozen=True, slots=True)
 class CommSection:
-    # On-robot modules without which nothing moves
     required: Annotated[tuple[str, ...], Names(tuple(STATUS), "the modules")] = ("bridge", "mmu", "planner")
+    """On-robot modules without which nothing moves; with a camera also "poi"."""
     stop_when_offboard_missing: bool = False
-    # What waits for the recorder on the robot's disk; above it status and log thin out
+    """Does the robot stand while recorder, visualizer or command center is missing?"""
     outbox_limit_mb: Annotated[int, Between(1, 1_000_000)] = 512
+    """Size of what waits for the recorder on the robot's disk; above it status and log thin out."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerSection:
-    clearance_m: Annotated[float, Between(0.0, 2.0)] = PLANNER_CLEARANCE_M  # kept between hull and wall
+    clearance_m: Annotated[float, Between(0.0, 2.0)] = PLANNER_CLEARANCE_M
+    """Kept between the robot's footprint and a wall."""
 
 
 @dataclass(frozen=True, slots=True)
 class VisualizerSection:
-    # Where the page is served; "0.0.0.0" shows it to the whole network
     host: Annotated[str, Form(rf"({_LABEL}\.)*{_LABEL}|[0-9A-Fa-f:.]*", "must be a name or an address")] = "127.0.0.1"
-    port: Annotated[int, Between(0, 65535)] = 8080  # 0: any free one
-    # By which browsers find this machine, besides its own, e.g. "laptop.example.org"
+    """Address at which the page is served; "0.0.0.0" shows it to the whole network."""
+    port: Annotated[int, Between(0, 65535)] = 8080
+    """Port of the page; 0: any free one."""
     names: tuple[Annotated[str, Form("[A-Za-z0-9.-]+", "must be a name of this machine")], ...] = ()
+    """Names by which browsers find this machine, besides its own, e.g. "laptop.example.org"."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoiSection:
     """The camera, and what signs look like at this site."""
 
-    source: str = "picamera"  # or /dev/video0, a number, a photo or folder of photos, unix:PATH
+    source: str = "picamera"
+    """Where images come from: "picamera", "/dev/video0", a number, a photo or folder of photos, "unix:PATH"."""
     field_of_view_deg: Annotated[float, Between(10.0, 170.0)] = round(degrees(CAMERA_FIELD_OF_VIEW_RAD), 6)
-    # A whole room number: capitals, without spaces and dashes
+    """Horizontal field of view; `calibrate camera` measures it."""
     number_pattern: Annotated[str, Pattern(longest=200)] = "[0-9]{3,4}[A-Z]?"
+    """Regular expression of a whole room number: capitals, without spaces and dashes."""
     room_types: tuple[str, ...] = (
         "Office", "Meeting Room", "Conference Room", "Laboratory", "Lab", "Classroom", "Lecture Room", "Seminar Room",
         "Washroom", "Restroom", "Toilet", "WC", "Storage", "Kitchen", "Library", "Reception", "Server Room",
         "Copy Room", "Printer Room", "Mail Room", "Lounge", "Workshop", "Studio", "Staff Room", "Utility", "Stairs",
     )  # fmt: skip
-    # From `calibrate doors`; without, a door is what stands out from the wall
+    """What stands on plates below the number."""
     door_colours: tuple[Annotated[str, _DOOR_COLOUR], ...] = ()
+    """HSV ranges of doors, from `calibrate doors`; without any, a door is what stands out from the wall."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -537,25 +537,3 @@ ON_ROBOT = ("bridge", "mmu", "planner", "comm", "poi")
 ROBOT_SENDERS = ("sim", "car", *ON_ROBOT)  # SIM and Carrier speak through the bridge
 ROBOT_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer in ROBOT_SENDERS)  # through the outbox
 LAPTOP_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer not in ROBOT_SENDERS)
-
-
-def topic_table() -> str:
-    """The table of topics as the README shows it (Markdown)."""
-    rows = ["| key | payload | rate | stance | consumers | flow |", "|---|---|---|---|---|---|"]
-    shown: set[str] = set()
-    for topic in TOPICS:
-        key = f"*/{topic.key.split('/')[1]}" if topic.payload in (Status, LogLine) else topic.key
-        if key in shown:
-            continue
-        shown.add(key)
-        flows = ["lfc_cm_cc", "lfc_vsl_cc"] if topic.payload in (Status, LogLine) else list(topic.flows)
-        rate = f"{topic.rate_hz:g} Hz" if topic.rate_hz else "on event"
-        if topic.note:
-            rate += f", {topic.note}"
-        rows.append(
-            f"| `{key}` | {topic.payload.__name__} | {rate} | {topic.stance.name} "
-            f"| {', '.join(topic.consumers)} | {', '.join(flows)} |"
-        )
-    for flow, medium in INTERNAL_FLOWS.items():
-        rows.append(f"| (none) | | | | {medium} | {flow} |")
-    return "\n".join(rows)

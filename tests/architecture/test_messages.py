@@ -1,4 +1,4 @@
-"""The message table says what the specification asks for, and the README says what the table does."""
+"""The message table says what the specification asks for."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import pytest
 
 from common.errors import ERRORS, ErrorCode
 from common.field_checks import field_of
-from common.messages import INTERNAL_FLOWS, MODULES, STATUS, TOPICS, topic_table
-from tests.architecture.project import ROOT
+from common.messages import INTERNAL_FLOWS, MODULES, STATUS, TOPICS
 
 FLOWS = {
     f"lfc_{name}"
@@ -58,14 +57,3 @@ def test_every_module_reports_its_status_ten_times_a_second() -> None:
 def test_every_error_code_has_a_meaning_and_an_action() -> None:
     assert set(ERRORS) == set(ErrorCode)
     assert all(info.meaning and info.action for info in ERRORS.values())
-
-
-def test_readme_shows_the_topic_table_as_it_is() -> None:
-    readme = ROOT / "README.md"
-    if not readme.exists():
-        pytest.skip("README.md is not there yet")
-    _, begin, rest = readme.read_text(encoding="utf-8").partition("<!-- topics -->")
-    table, end, _ = rest.partition("<!-- /topics -->")
-    assert begin, "README.md has no <!-- topics -->"
-    assert end, "README.md has no <!-- /topics -->"
-    assert table.strip() == topic_table()
