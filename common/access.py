@@ -1,17 +1,17 @@
-"""Who may say, hear and ask what over a link that leaves a board, and how much, as rules for Zenoh. Pure.
+"""Who may publish, subscribe to and query what over a link that leaves a board, and how much, as rules for Zenoh. Pure.
 
-A role is the common name of a certificate. Only the role of the command center says commands; the modules of the laptop
-say what is theirs; people's side hears everything. An answer may be long, so only who must know what was said before
-may ask for it: a viewer has what comes from then on. Zenoh judges the link, not the first sender: what a laptop's
-client says is what the laptop says. On loopback the modules of one board trust each other.
+A role is the common name of a certificate. Only the role of the command center publishes commands; the modules of the
+laptop publish their own topics; people's side subscribes to everything. An answer may be long, so only who must know
+what was published before may query it: a viewer receives what comes from then on. Zenoh judges the link, not the first
+sender: what a laptop's client publishes, the laptop publishes. On loopback the modules of one board trust each other.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from common.frames import MESSAGE_BYTES_MAX, QUESTION_BYTES_MAX
-from common.messages import LAPTOP_RECORDED, ROBOT_SENDERS, TOPICS, Stance, Topic
+from common.messages import LAPTOP_RECORDED, ROBOT_SENDERS, TOPICS, QosProfile, Topic
+from common.recording import MESSAGE_BYTES_MAX, QUESTION_BYTES_MAX
 
 # Common name of a certificate -> the modules that speak with it
 ROLES: dict[str, tuple[str, ...]] = {
@@ -25,13 +25,13 @@ _ON_BOARD = ("robot", "pi")
 _COMMANDER = "command_center"
 _RECORDER = "recorder"
 
-# Of one topic over one link; many more than all who are behind it ask when each of them has missed something
-QUESTIONS_HZ = 20.0
+# Of one topic over one link; many more than all who are behind it send when each of them has missed something
+QUERIES_HZ = 20.0
 
-# What goes towards those who listen, and what goes towards those who speak
-_TELLING = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
-_HEARING = ["declare_subscriber", "declare_liveliness_subscriber"]
-_ASKING = ["query"]
+# What goes towards subscribers, and what goes towards publishers
+_PUBLISHING = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
+_SUBSCRIBING = ["declare_subscriber", "declare_liveliness_subscriber"]
+_QUERYING = ["query"]
 
 # Every address of a board but this one can be reached from outside
 _LOOPBACK = {"link_protocols": ["tcp"], "interfaces": ["lo", "lo0"]}
@@ -56,25 +56,27 @@ def alive_key(module: str) -> str:
     return f"{module}/alive"
 
 
-def said_keys(role: str) -> list[str]:
-    """Keys that a role may say, without the robot's name."""
+def published_keys(role: str) -> list[str]:
+    """Keys that a role may publish, without the robot's name."""
     if role == _COMMANDER:
         return [topic.key for topic in TOPICS if topic.is_command]
     modules = ROLES[role]
-    said = [topic.key for topic in TOPICS if topic.producer in modules and not topic.is_command]
-    return said + [alive_key(module) for module in modules]
+    published = [topic.key for topic in TOPICS if topic.producer in modules and not topic.is_command]
+    return published + [alive_key(module) for module in modules]
 
 
-def heard_keys(role: str) -> list[str]:
-    """Keys that a role may hear, each by itself: people hear every topic, a board what its modules read."""
-    heard = [topic.key for topic in TOPICS if role not in _ON_BOARD or _reads(role, topic)]
-    return heard + [alive_key("*")] if ROLES[role] else heard
+def subscribed_keys(role: str) -> list[str]:
+    """Keys that a role may subscribe to, each by itself: people every topic, a board what its modules read."""
+    subscribed = [topic.key for topic in TOPICS if role not in _ON_BOARD or _reads(role, topic)]
+    return subscribed + [alive_key("*")] if ROLES[role] else subscribed
 
 
-def asked_keys(role: str) -> list[str]:
-    """Keys that a role may ask for what was said before: states that its modules read, and what it records."""
+def queried_keys(role: str) -> list[str]:
+    """Keys whose past a role may query: states that its modules read, and what it records."""
     records = LAPTOP_RECORDED if _RECORDER in ROLES[role] else ()
-    return [topic.key for topic in TOPICS if topic in records or (topic.stance is Stance.STATE and _reads(role, topic))]
+    return [
+        topic.key for topic in TOPICS if topic in records or (topic.qos is QosProfile.STATE and _reads(role, topic))
+    ]
 
 
 def _reads(role: str, topic: Topic[object]) -> bool:
@@ -102,20 +104,20 @@ def laptop_rules(robot: str) -> Rules:
 
 
 def _everything(robot: str) -> Rules:
-    return _rule("everything", ["ingress", "egress"], [*_TELLING, *_HEARING, *_ASKING], [f"{robot}/**"])
+    return _rule("everything", ["ingress", "egress"], [*_PUBLISHING, *_SUBSCRIBING, *_QUERYING], [f"{robot}/**"])
 
 
 def _rules_of(robot: str, role: str) -> list[Rules]:
-    """Inwards it tells what it may say, hears and asks; outwards it is the other way round."""
-    said, heard, asked = (
-        [f"{robot}/{key}" for key in keys] for keys in (said_keys(role), heard_keys(role), asked_keys(role))
+    """Inwards it publishes, subscribes and queries; outwards it is the other way round."""
+    published, subscribed, queried = (
+        [f"{robot}/{key}" for key in keys] for keys in (published_keys(role), subscribed_keys(role), queried_keys(role))
     )
     rules = [
-        _rule(f"{role} tells", ["ingress"], _TELLING, said),
-        _rule(f"{role} is heard", ["egress"], [*_HEARING, *_ASKING], said),
-        _rule(f"{role} hears", ["ingress"], _HEARING, heard),
-        _rule(f"{role} asks", ["ingress"], _ASKING, asked),
-        _rule(f"{role} is told", ["egress"], _TELLING, heard),
+        _rule(f"{role} publishes", ["ingress"], _PUBLISHING, published),
+        _rule(f"{role} is subscribed to", ["egress"], [*_SUBSCRIBING, *_QUERYING], published),
+        _rule(f"{role} subscribes", ["ingress"], _SUBSCRIBING, subscribed),
+        _rule(f"{role} queries", ["ingress"], _QUERYING, queried),
+        _rule(f"{role} is published to", ["egress"], _PUBLISHING, subscribed),
     ]
     return [rule for rule in rules if rule["key_exprs"]]
 
@@ -140,11 +142,11 @@ def _access_control(rules: list[Rules], subjects: list[Rules], policies: list[Ru
 def _limits(robot: str) -> Rules:
     """What of all that is allowed comes through from outside: a flood, or a giant, ends at the router."""
     inwards = {"flows": ["ingress"], "link_protocols": ["tls"]}
-    asked = dict.fromkeys(key for role in ROLES for key in asked_keys(role))
-    questions = [{"key_expr": f"{robot}/{key}", "freq": QUESTIONS_HZ} for key in asked]
+    queried = dict.fromkeys(key for role in ROLES for key in queried_keys(role))
+    rates = [{"key_expr": f"{robot}/{key}", "freq": QUERIES_HZ} for key in queried]
     sizes = ((["query"], QUESTION_BYTES_MAX), (["put", "reply"], MESSAGE_BYTES_MAX))
     return {
-        "downsampling": [{**inwards, "messages": _ASKING, "rules": questions}],
+        "downsampling": [{**inwards, "messages": _QUERYING, "rules": rates}],
         "low_pass_filter": [
             {**inwards, "messages": messages, "key_exprs": [f"{robot}/**"], "size_limit": limit_bytes}
             for messages, limit_bytes in sizes

@@ -1,6 +1,6 @@
 """The bus a process sees: publish to a topic, look at the newest, take everything new, judge age and validity.
 
-`LocalBus` joins nodes inside one program (`simulate`, tests); `ZenohBus` joins processes. A node cannot tell which.
+`LocalBus` joins nodes inside one program (`simulate`, tests); `ZenohBus` joins processes. A node does not know which.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any, Protocol, TypeVar
 
 from common.codec import encode
 from common.field_checks import UnfitValue
-from common.frames import Frame, Losses
 from common.messages import Topic
+from common.recording import Losses, RecordedMessage
 from common.undecodable import Undecodable
 
 P = TypeVar("P")
@@ -40,11 +40,11 @@ class Bus(Protocol):
     def age_s(self, topic: Topic[Any]) -> float:
         """How long ago the newest message came; infinite when none did."""
 
-    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
-        """From now on `take_frames` gives every message of these topics, but what `known` says was heard before."""
+    def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        """From now on `take_recorded` gives every message of these topics, except those received before by `known`."""
 
-    def take_frames(self) -> list[Frame]:
-        """Every message of the tapped topics since the last call, in order and once per topic and boot id."""
+    def take_recorded(self) -> list[RecordedMessage]:
+        """Every message of the recorded topics since the last call, in order and once per topic and boot id."""
 
     def take_lost(self) -> Losses:
         """Which of them could not be had since the last call."""
@@ -84,10 +84,10 @@ class LocalMesh:
         self._endpoints.append(bus)
         return bus
 
-    def deliver(self, topic: Topic[Any], payload: Any, frame: Frame) -> None:
+    def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage) -> None:
         for endpoint in self._endpoints:
-            if topic.key in endpoint.tapped:
-                endpoint.frames.append(frame)
+            if topic.key in endpoint.recorded_keys:
+                endpoint.messages.append(message)
             endpoint._receive(topic, payload)
 
 
@@ -97,8 +97,8 @@ class LocalBus:
     def __init__(self, mesh: LocalMesh, name: str, boot_id: int) -> None:
         self._mesh = mesh
         self.name = name
-        self.tapped: set[str] = set()
-        self.frames: list[Frame] = []
+        self.recorded_keys: set[str] = set()
+        self.messages: list[RecordedMessage] = []
         self._boot_id = boot_id
         self._sequences: dict[str, int] = {}
         self._unfit = Undecodable(UNFIT)
@@ -108,12 +108,12 @@ class LocalBus:
     def publish(self, topic: Topic[P], payload: P) -> None:
         sequence = self._sequences.get(topic.key, 0) + 1
         try:
-            frame = Frame(topic.key, self._boot_id, sequence, encode(payload, sequence, self._boot_id))
+            message = RecordedMessage(topic.key, self._boot_id, sequence, encode(payload, sequence, self._boot_id))
         except UnfitValue as error:
             self._unfit.count(topic.key, str(error))
             return
         self._sequences[topic.key] = sequence
-        self._mesh.deliver(topic, payload, frame)
+        self._mesh.deliver(topic, payload, message)
 
     def latest(self, topic: Topic[P]) -> P | None:
         inbox = self._inboxes.get(topic.key)
@@ -134,12 +134,12 @@ class LocalBus:
         inbox = self._inboxes.get(topic.key)
         return self._mesh.now_s - inbox.arrived_s if inbox else float("inf")
 
-    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
-        self.tapped.update(topic.key for topic in topics)
+    def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        self.recorded_keys.update(topic.key for topic in topics)
 
-    def take_frames(self) -> list[Frame]:
-        frames, self.frames = self.frames, []
-        return frames
+    def take_recorded(self) -> list[RecordedMessage]:
+        messages, self.messages = self.messages, []
+        return messages
 
     def take_lost(self) -> Losses:
         return {}

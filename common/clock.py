@@ -103,7 +103,7 @@ class Announcements:
 
 
 class FollowerClock:
-    """Simulated time as the leader tells it. `tick` is called by the bus's own thread."""
+    """Simulated time as the leader publishes it. `tick` is called by the bus's own thread."""
 
     lease_s = SHARED_LEASE_S
 
@@ -171,7 +171,7 @@ class FollowerTable:
         self._idle_until_s: dict[str, float] = {}
         self._owes_since_s: dict[str, float] = {}
 
-    def heard(self, module: str, idle_until_s: float) -> None:
+    def receive_ack(self, module: str, idle_until_s: float) -> None:
         self._idle_until_s[module] = idle_until_s
         self._owes_since_s.pop(module, None)
         self.silent.discard(module)
@@ -207,7 +207,7 @@ class LeaderClock:
 
     def ack(self, module: str, idle_until_s: float) -> None:
         with self._acked:
-            self._table.heard(module, idle_until_s)
+            self._table.receive_ack(module, idle_until_s)
             self._acked.notify_all()
 
     def now_s(self) -> float:

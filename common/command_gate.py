@@ -1,4 +1,4 @@
-"""What a process's bus does about commands where there are keys: seals those that it gives, judges those that it obeys.
+"""What a process's bus does about commands where there are keys: signs those that it gives, judges those that it obeys.
 
 Without keys everything passes. What is refused is counted and logged, the same once a second.
 """
@@ -16,7 +16,7 @@ from common.config import Config
 from common.keys import COMMAND_ROLES, read_command_key
 from common.messages import TOPICS, Topic
 from common.repeats import Repeats
-from common.signing import Signer, Verifier, needs_seal
+from common.signing import Signer, Verifier, needs_signature
 
 _log = logging.getLogger(__name__)
 
@@ -41,27 +41,27 @@ class CommandGate:
     def wants_challenges(self) -> bool:
         return self._signer is not None or self._verifier is not None
 
-    def hear(self, challenge: bytes) -> None:
+    def receive_challenge(self, challenge: bytes) -> None:
         """The newest permit's challenge; called by Zenoh's thread."""
         for side in (self._signer, self._verifier):
             if side is not None:
-                side.hear(challenge)
+                side.receive(challenge)
 
     def holds_back(self, topic: Topic[Any], payload: object) -> bool:
         """It cannot be signed yet; commands are repeated until they are acknowledged."""
-        return self._signer is not None and topic.is_command and needs_seal(payload) and not self._signer.ready
+        return self._signer is not None and topic.is_command and needs_signature(payload) and not self._signer.ready
 
-    def seal(self, topic: Topic[Any], payload: object, data: bytes) -> bytes | None:
+    def sign(self, topic: Topic[Any], payload: object, data: bytes) -> bytes | None:
         """What goes with a message; None where nothing does."""
-        if self._signer is None or not topic.is_command or not needs_seal(payload):
+        if self._signer is None or not topic.is_command or not needs_signature(payload):
             return None
-        return self._signer.seal(self._key(topic), data)
+        return self._signer.sign(self._key(topic), data)
 
-    def refuses(self, topic: Topic[Any], envelope: Envelope[Any], data: bytes, sealed: bytes) -> bool:
-        if self._verifier is None or not topic.is_command or not needs_seal(envelope.payload):
+    def refuses(self, topic: Topic[Any], envelope: Envelope[Any], data: bytes, signature: bytes) -> bool:
+        if self._verifier is None or not topic.is_command or not needs_signature(envelope.payload):
             return False
         key = self._key(topic)
-        refusal = self._verifier.refusal(key, envelope.boot_id, envelope.sequence, data, sealed)
+        refusal = self._verifier.refusal(key, envelope.boot_id, envelope.sequence, data, signature)
         if not refusal:
             return False
         complaint = f"a command was refused: {refusal} topic={topic.key}"

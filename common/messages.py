@@ -1,4 +1,4 @@
-"""THE message table: one frozen dataclass per payload, one topic per variable, one place for who tells what to whom.
+"""The message table: one frozen dataclass per payload, one topic per variable, and who publishes what to whom.
 
 Key on the bus: `<robot>/<module>/<variable>`. Every payload has `t_s`, when its content was measured on the sender's
 clock; every output has `valid`, false when an input it rests on was not alive and valid. Sequence number and boot id
@@ -32,6 +32,7 @@ from common.fields import (
     Metres,
     MetresPerSecond,
     Pace,
+    PathPoints,
     Photo,
     Piece,
     PoiId,
@@ -56,7 +57,6 @@ from common.fields import (
     Times,
     Topics,
     Volts,
-    Way,
     Word,
 )
 
@@ -74,7 +74,7 @@ MODULES: dict[str, str] = {
 NAME_OF_MODULE = {process: name for name, process in MODULES.items()} | {"bridge": "SIM", "recorder": "CM"}
 
 
-class Stance(Enum):
+class QosProfile(Enum):
     """How a topic travels, and why."""
 
     LATEST = "newest wins, older ones are dropped: an old reading is worth nothing once a newer one is there"
@@ -246,7 +246,7 @@ class PlannerView:
     t_s: Seconds
     mode: Word
     detail: Text
-    path_m: Way
+    path_m: PathPoints
     halls_open: Count
     area_m2: SquareMetres
     finished: bool
@@ -293,8 +293,8 @@ class PointOfInterest:
 
 @dataclass(frozen=True, slots=True)
 class Permit:
-    """May the robot move? Granted only while every on-robot module is alive, fresh, valid and beats, and the newest
-    latched stop was released and followed by a resume."""
+    """May the robot move? Granted only while every on-robot module is alive, fresh and valid, its heartbeat advances,
+    and the newest latched stop was released and followed by a resume."""
 
     t_s: Seconds
     granted: bool
@@ -350,7 +350,7 @@ class Status:
     error_code: ErrorNumber
     memory_kb: Count
     ready: bool
-    beats: Count  # passes of the module's own loop
+    heartbeat_count: Count  # passes of the module's own loop
     detail: Text = ""
     valid: bool = True
 
@@ -430,7 +430,7 @@ class Topic(Generic[P]):
     key: str  # <module>/<variable>, the module being the producer
     payload: type[P]
     rate_hz: float
-    stance: Stance
+    qos: QosProfile
     consumers: tuple[str, ...]
     flows: tuple[str, ...] = ()  # the specification's names
     note: str = ""
@@ -442,12 +442,12 @@ class Topic(Generic[P]):
     @property
     def recorded(self) -> bool:
         """Every message of it belongs into the run database."""
-        return "recorder" in self.consumers and self.stance is not Stance.BULK
+        return "recorder" in self.consumers and self.qos is not QosProfile.BULK
 
     @property
     def is_command(self) -> bool:
         """A person's word to the robot: only the command center says it."""
-        return self.producer == "command_center" and self.stance is Stance.COMMAND
+        return self.producer == "command_center" and self.qos is QosProfile.COMMAND
 
 
 _TOPICS: dict[str, Topic[object]] = {}
@@ -457,12 +457,12 @@ def _topic(
     key: str,
     payload: type[P],
     rate_hz: float,
-    stance: Stance,
+    qos: QosProfile,
     consumers: str,
     flows: str = "",
     note: str = "",
 ) -> Topic[P]:
-    topic = Topic(key, payload, rate_hz, stance, tuple(consumers.split()), tuple(flows.split()), note)
+    topic = Topic(key, payload, rate_hz, qos, tuple(consumers.split()), tuple(flows.split()), note)
     _TOPICS[key] = topic  # type: ignore[assignment]
     return topic
 
@@ -471,25 +471,27 @@ OFFBOARD = "recorder visualizer command_center"
 AT_ONCE = "and at once on change"
 
 ODOMETRY = _topic(
-    "bridge/odometry", Odometry, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner recorder command_center", "lfc_sim_mmu"
+    "bridge/odometry", Odometry, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner recorder command_center", "lfc_sim_mmu"
 )
-RANGES = _topic("bridge/ranges", Ranges, SENSOR_RATE_HZ, Stance.LATEST, "mmu planner poi recorder", "lfc_sim_mmu")
-DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, Stance.LATEST, "planner recorder", "lfc_sim_pln")
+RANGES = _topic("bridge/ranges", Ranges, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner poi recorder", "lfc_sim_mmu")
+DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, QosProfile.LATEST, "planner recorder", "lfc_sim_pln")
 CARRIER = _topic(
     "bridge/carrier",
     CarrierReport,
     SENSOR_RATE_HZ,
-    Stance.LATEST,
+    QosProfile.LATEST,
     "planner comm recorder command_center",
     "lfc_pln_car",
     AT_ONCE,
 )
-DRIVE = _topic("planner/drive", DriveCommand, SENSOR_RATE_HZ, Stance.COMMAND, "bridge recorder", "lfc_pln_car", AT_ONCE)
+DRIVE = _topic(
+    "planner/drive", DriveCommand, SENSOR_RATE_HZ, QosProfile.COMMAND, "bridge recorder", "lfc_pln_car", AT_ONCE
+)
 POSE = _topic(
     "mmu/pose",
     PoseEstimate,
     POSE_RATE_HZ,
-    Stance.LATEST,
+    QosProfile.LATEST,
     f"planner poi {OFFBOARD}",
     "lfc_mmu_poi lfc_mmu_pln lfc_mmu_cm",
 )
@@ -497,36 +499,40 @@ MAP = _topic(
     "mmu/map",
     MapUpdate,
     MAP_RATE_MAX_HZ,
-    Stance.STATE,
+    QosProfile.STATE,
     f"planner poi {OFFBOARD}",
     "lfc_mmu_pln lfc_mmu_cm lfc_cm_vsl",
     "on change",
 )
 GRID = _topic(
-    "mmu/grid", GridUpdate, MAP_RATE_MAX_HZ, Stance.STATE, "planner poi visualizer", "lfc_mmu_pln", "on change"
+    "mmu/grid", GridUpdate, MAP_RATE_MAX_HZ, QosProfile.STATE, "planner poi visualizer", "lfc_mmu_pln", "on change"
 )
 TRAJECTORY = _topic(
-    "mmu/trajectory", Trajectory, 0.0, Stance.STATE, OFFBOARD, "lfc_mmu_cm", "when the past was corrected"
+    "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, OFFBOARD, "lfc_mmu_cm", "when the past was corrected"
 )
-PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, Stance.STATE, OFFBOARD, note="for people")
-RETAKE = _topic("poi/request", PoiRequest, 0.0, Stance.COMMAND, "planner recorder", "lfc_poi_pln")
-POI = _topic("poi/record", PointOfInterest, 0.0, Stance.EVENT, OFFBOARD, "lfc_poi_cm lfc_cm_vsl")
-PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, Stance.COMMAND, f"bridge planner poi {OFFBOARD}", note=AT_ONCE)
-STOP = _topic("command_center/stop", StopRequest, 0.0, Stance.COMMAND, "bridge comm recorder", "lfc_cm_cc")
-OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, Stance.COMMAND, "planner comm recorder")
+PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, QosProfile.STATE, OFFBOARD, note="for people")
+RETAKE = _topic("poi/request", PoiRequest, 0.0, QosProfile.COMMAND, "planner recorder", "lfc_poi_pln")
+POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, OFFBOARD, "lfc_poi_cm lfc_cm_vsl")
+PERMIT = _topic(
+    "comm/permit", Permit, PERMIT_RATE_HZ, QosProfile.COMMAND, f"bridge planner poi {OFFBOARD}", note=AT_ONCE
+)
+STOP = _topic("command_center/stop", StopRequest, 0.0, QosProfile.COMMAND, "bridge comm recorder", "lfc_cm_cc")
+OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, QosProfile.COMMAND, "planner comm recorder")
 OUTBOX = _topic(
-    "comm/outbox", OutboxPiece, 0.0, Stance.BULK, "recorder", note="what the robot has for the run database"
+    "comm/outbox", OutboxPiece, 0.0, QosProfile.BULK, "recorder", note="what the robot has for the run database"
 )
-RECEIPT = _topic("recorder/receipt", OutboxReceipt, 0.0, Stance.LATEST, "comm", note="on progress, else every second")
-CLOCK = _topic("clock/time", ClockTick, 0.0, Stance.COMMAND, "", note="only under `local --speed`")
-CLOCK_ACK = _topic("clock/ack", ClockAck, 0.0, Stance.COMMAND, "", note="only under `local --speed`")
+RECEIPT = _topic(
+    "recorder/receipt", OutboxReceipt, 0.0, QosProfile.LATEST, "comm", note="on progress, else every second"
+)
+CLOCK = _topic("clock/time", ClockTick, 0.0, QosProfile.COMMAND, "", note="only under `local --speed`")
+CLOCK_ACK = _topic("clock/ack", ClockAck, 0.0, QosProfile.COMMAND, "", note="only under `local --speed`")
 
 STATUS: dict[str, Topic[Status]] = {}
 LOG: dict[str, Topic[LogLine]] = {}
 for _module in ("sim", "car", "bridge", "mmu", "planner", "poi", "comm", "recorder", "visualizer", "command_center"):
     _flows = "lfc_cm_cc lfc_vsl_cc" if _module == "visualizer" else "lfc_cm_cc"
-    STATUS[_module] = _topic(f"{_module}/status", Status, STATUS_RATE_HZ, Stance.LATEST, f"comm {OFFBOARD}", _flows)
-    LOG[_module] = _topic(f"{_module}/log", LogLine, 0.0, Stance.EVENT, "recorder command_center", _flows)
+    STATUS[_module] = _topic(f"{_module}/status", Status, STATUS_RATE_HZ, QosProfile.LATEST, f"comm {OFFBOARD}", _flows)
+    LOG[_module] = _topic(f"{_module}/log", LogLine, 0.0, QosProfile.EVENT, "recorder command_center", _flows)
 
 TOPICS: tuple[Topic[object], ...] = tuple(_TOPICS.values())
 

@@ -184,7 +184,7 @@ def _loop(
         node.step(bus, now_s)
         steps.add(time.perf_counter() - began_s)
         if zenoh_output is not None:
-            zenoh_output.tell(now_s)
+            zenoh_output.report(now_s)
         if node.name in LOG:
             bus_log.flush_to(bus, node.name, now_s)
         due_s = round(due_s + node.period_s, 9)
@@ -212,25 +212,25 @@ def _join_clock(clock: Clock, bus: ZenohBus, name: str) -> None:
 def _follow(clock: FollowerClock, bus: ZenohBus, name: str) -> None:
     announced, expected = Announcements(), Announcements()
 
-    def heard(tick: ClockTick) -> None:
+    def receive(tick: ClockTick) -> None:
         expected.merge((tick.topics, tick.boot_ids, tick.sequences))
         clock.tick(tick.t_s)
 
     bus.announced = announced
     clock.send_ack = lambda t_s: bus.publish(CLOCK_ACK, ClockAck(t_s, name, *announced.take()))
     clock.await_messages = lambda stop: bus.await_messages(expected, stop)
-    bus.listen(CLOCK, heard)
+    bus.listen(CLOCK, receive)
 
 
 def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
     announced = Announcements()
 
-    def heard(ack: ClockAck) -> None:
+    def receive(ack: ClockAck) -> None:
         announced.merge((ack.topics, ack.boot_ids, ack.sequences))
         clock.ack(ack.module, ack.t_s)
 
     clock.send_tick = lambda t_s: bus.publish(CLOCK, ClockTick(t_s, clock.speed, *announced.take()))
-    bus.listen(CLOCK_ACK, heard)
+    bus.listen(CLOCK_ACK, receive)
 
 
 def _end_with(parent: int) -> None:

@@ -9,16 +9,16 @@ _KEPT = 256  # different complaints; whoever makes ever new ones must not fill t
 
 
 class Repeats:
-    """Counts complaints. What was not heard of for long begins anew."""
+    """Counts complaints. What did not come for long begins anew."""
 
     def __init__(self) -> None:
-        self._heard: OrderedDict[str, tuple[float, int]] = OrderedDict()  # when told last, how often it came
+        self._seen: OrderedDict[str, tuple[float, int]] = OrderedDict()  # when reported last, how often it came
 
     def count(self, complaint: str, now_s: float) -> int:
         """How often it came so far, this time too; 0 while it need not be told again."""
-        told_s, count = self._heard.pop(complaint, (float("-inf"), 0))
-        due = now_s - told_s >= _PERIOD_S
-        self._heard[complaint] = now_s if due else told_s, count + 1
-        if len(self._heard) > _KEPT:
-            self._heard.popitem(last=False)
+        reported_s, count = self._seen.pop(complaint, (float("-inf"), 0))
+        due = now_s - reported_s >= _PERIOD_S
+        self._seen[complaint] = now_s if due else reported_s, count + 1
+        if len(self._seen) > _KEPT:
+            self._seen.popitem(last=False)
         return count + 1 if due else 0

@@ -1,9 +1,9 @@
 """Signed commands: what a person orders counts once, soon, and only from who holds the command key. Pure.
 
 comm says in its permit what to sign over, the challenge, and renews it every CHALLENGE_PERIOD_S. The command center
-seals the bytes of a command with HMAC-SHA256 over the topic's key, the challenge and the message, in which boot id and
-sequence number stand. Who obeys takes a seal over the newest challenge or the one before it, if it heard that challenge
-appear: a process that was just started does not know what was ordered over the one that it finds.
+signs the bytes of a command with HMAC-SHA256 over the topic's key, the challenge and the message, in which boot id and
+sequence number stand. Who obeys takes a signature over the newest challenge or the one before it, if it received that
+challenge: a process that was just started does not know what was ordered over the one that it finds.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from common.fields import CHALLENGE_BYTES
 from common.messages import StopRequest
 
 CHALLENGE_PERIOD_S = 2.0
-SEAL_BYTES = CHALLENGE_BYTES + 32  # challenge and HMAC-SHA256
+SIGNATURE_BYTES = CHALLENGE_BYTES + 32  # challenge and HMAC-SHA256
 
 _GENERATIONS = 2  # challenges that count at a time: a command is on its way while the next one comes
 
 
-def needs_seal(payload: object) -> bool:
+def needs_signature(payload: object) -> bool:
     """Every command but a stop, which must work in anybody's hand."""
     return not (isinstance(payload, StopRequest) and payload.latched)
 
 
-def seal(command_key: bytes, key: str, data: bytes, challenge: bytes) -> bytes:
+def sign(command_key: bytes, key: str, data: bytes, challenge: bytes) -> bytes:
     """What travels beside the message `data` of the topic `key`."""
     return challenge + hmac.digest(command_key, key.encode() + b"\0" + challenge + data, "sha256")
 
 
 class Signer:
-    """The command center's side. `hear` may be called by another thread."""
+    """The command center's side. `receive` may be called by another thread."""
 
     def __init__(self, command_key: bytes) -> None:
         self._command_key = command_key
@@ -41,16 +41,16 @@ class Signer:
         """The robot has said what to sign over, or that it wants no signature."""
         return self._challenge is not None
 
-    def hear(self, challenge: bytes) -> None:
+    def receive(self, challenge: bytes) -> None:
         self._challenge = challenge
 
-    def seal(self, key: str, data: bytes) -> bytes:
+    def sign(self, key: str, data: bytes) -> bytes:
         """Over the newest challenge; nothing where the robot wants none."""
-        return seal(self._command_key, key, data, self._challenge) if self._challenge else b""
+        return sign(self._command_key, key, data, self._challenge) if self._challenge else b""
 
 
 class Verifier:
-    """The side of who obeys. `hear` may be called by another thread."""
+    """The side of who obeys. `receive` may be called by another thread."""
 
     def __init__(self, command_key: bytes) -> None:
         self._command_key = command_key
@@ -58,7 +58,7 @@ class Verifier:
         # Challenge -> topic's key and boot id -> sequence number of the newest command that was taken over it
         self._taken: dict[bytes, dict[tuple[str, int], int]] = {}
 
-    def hear(self, challenge: bytes) -> None:
+    def receive(self, challenge: bytes) -> None:
         """What the newest permit says."""
         if challenge == self._newest:
             return
@@ -67,16 +67,16 @@ class Verifier:
             self._taken = dict(before) | {challenge: {}}
         self._newest = challenge
 
-    def refusal(self, key: str, boot_id: int, sequence: int, data: bytes, sealed: bytes) -> str:
+    def refusal(self, key: str, boot_id: int, sequence: int, data: bytes, signature: bytes) -> str:
         """Why the command must not be obeyed; empty when it may, and then it never may again."""
-        if not sealed:
+        if not signature:
             return "it is not signed"
-        challenge = sealed[:CHALLENGE_BYTES]
-        if not hmac.compare_digest(sealed, seal(self._command_key, key, data, challenge)):
+        challenge = signature[:CHALLENGE_BYTES]
+        if not hmac.compare_digest(signature, sign(self._command_key, key, data, challenge)):
             return "its signature is wrong"
         taken = self._taken.get(challenge)
         if taken is None:
-            return "it was signed too long ago, or before this process had heard what to sign over"
+            return "it was signed too long ago, or before this process had received what to sign over"
         if sequence <= taken.get((key, boot_id), 0):
             return "it was obeyed already, and is sent again"
         taken[key, boot_id] = sequence

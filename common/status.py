@@ -1,4 +1,4 @@
-"""How every module says ten times a second that it lives (CC_MR_03): its state, error code, memory and beats.
+"""How every module says ten times a second that it lives (CC_MR_03): its state, error code, memory and heartbeat count.
 
 A node calls `report` in every step -> `STATUS[module]`, read by the watchdog of comm, the recorder, the command center.
 """
@@ -20,7 +20,7 @@ _EARLY_S = 0.005
 
 
 def resident_memory_kb() -> int:
-    """Memory that this process holds now; 0 where the system does not tell."""
+    """Memory that this process holds now; 0 where the system does not say."""
     try:
         return int(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
     except OSError:
@@ -49,10 +49,10 @@ class StatusReporter:
     def __init__(self, module: str) -> None:
         self._topic = STATUS[module]
         self._log = logging.getLogger(module)
-        self._beats = 0
+        self._heartbeat_count = 0
         self._pace = StatusPace()
         self._last: tuple[str, ErrorCode, bool] | None = None  # as published
-        self._told: tuple[str, ErrorCode, bool] | None = None  # as logged
+        self._logged: tuple[str, ErrorCode, bool] | None = None  # as logged
 
     def report(
         self,
@@ -66,12 +66,12 @@ class StatusReporter:
         memory_kb: int | None = None,
     ) -> None:
         """To be called in every step; `memory_kb` where it is not this process's own (SIM and Carrier: free SRAM)."""
-        self._beats += 1
+        self._heartbeat_count += 1
         current = (state, error, ready)
         # Others act on error and readiness; a mere change of state can wait for its turn, or the rate would not hold
         urgent = self._last is None or current[1:] != self._last[1:]
-        if current != self._told:
-            self._told = current
+        if current != self._logged:
+            self._logged = current
             self._log.info("state=%s error=%s ready=%s %s", state, error.name, ready, detail)
         if not self._pace.due(now_s, urgent):
             return
@@ -79,4 +79,4 @@ class StatusReporter:
             # Nodes in lockstep share one process: none has memory of its own, and a run must repeat to the bit
             memory_kb = 0 if isinstance(bus, LocalBus) else resident_memory_kb()
         self._last = current
-        bus.publish(self._topic, Status(now_s, state, int(error), memory_kb, ready, self._beats, detail))
+        bus.publish(self._topic, Status(now_s, state, int(error), memory_kb, ready, self._heartbeat_count, detail))

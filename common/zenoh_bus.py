@@ -22,17 +22,17 @@ from common.access import alive_key
 from common.clock import Announcements, Clock
 from common.command_gate import CommandGate
 from common.config import Config
-from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, Tap
-from common.messages import PERMIT, Stance, Topic
+from common.messages import PERMIT, QosProfile, Topic
+from common.recording import MESSAGE_BYTES_MAX, Losses, RecordedMessage, RecordingSubscriber
 from common.zenoh_inbox import QUERY_TIMEOUT_S, Inbox, Reader
 from common.zenoh_outbox import Answers, Outbox
 from common.zenoh_session import (
     Mode,
     close_sessions,
-    command_way,
+    command_channel,
     direct,
     lease_s,
-    main_way,
+    main_channel,
     open_session,
     watch_links,
 )
@@ -61,21 +61,23 @@ class ZenohBus:
         self._outboxes: dict[str, Outbox[Any]] = {}
         self._answers = Answers()
         self._tokens: set[str] = set()
-        self._tap: Tap | None = None
+        self._recording: RecordingSubscriber | None = None
         self._listeners: list[Any] = []  # subscribers without an inbox
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
         self.gate = CommandGate(name, config)
-        own_way, for_commands = main_way(name, mode, config), command_way(name, mode, config)
+        own_channel, for_commands = main_channel(name, mode, config), command_channel(name, mode, config)
         lease = lease_s(name, clock.lease_s)
-        self._session = self._command_session = open_session(own_way, lease)
+        self._session = self._command_session = open_session(own_channel, lease)
         self._token: Any = None
         try:
             if for_commands is not None:
                 self._command_session = open_session(for_commands, lease)
             if self.gate.wants_challenges:
-                self._listen(self._command_session, PERMIT, lambda permit: self.gate.hear(permit.challenge))
-            self._link_watch = watch_links(self._session) if own_way.rules is not None else None
+                self._listen(
+                    self._command_session, PERMIT, lambda permit: self.gate.receive_challenge(permit.challenge)
+                )
+            self._link_watch = watch_links(self._session) if own_channel.rules is not None else None
             self._token_watch = self._session.liveliness().declare_subscriber(
                 f"{self._robot}/{alive_key('*')}", direct(self._on_token), history=True
             )
@@ -105,8 +107,8 @@ class ZenohBus:
             self._outboxes[topic.key] = outbox
         if self.gate.holds_back(topic, payload):
             return
-        outbox.publish(payload, partial(self.gate.seal, topic, payload))
-        if self.announced is not None and topic.consumers and topic.stance in (Stance.LATEST, Stance.COMMAND):
+        outbox.publish(payload, partial(self.gate.sign, topic, payload))
+        if self.announced is not None and topic.consumers and topic.qos in (QosProfile.LATEST, QosProfile.COMMAND):
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
 
     def latest(self, topic: Topic[P]) -> P | None:
@@ -145,40 +147,42 @@ class ZenohBus:
         """Hands every message to `handler` on Zenoh's thread, for the shared clock: it must only store."""
         self._listen(self._session_for(topic), topic, handler)
 
-    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
-        """From now on `take_frames` gives every message of these topics; to be called once."""
+    def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        """From now on `take_recorded` gives every message of these topics; to be called once."""
         by_key = {topic.key: topic for topic in topics}
-        on_event = [key for key, t in by_key.items() if t.stance is Stance.STATE or not t.rate_hz]
-        tap = self._tap = Tap(by_key, on_event, known, lambda key, asked: self._ask_producer(by_key[key], asked))
+        on_event = [key for key, t in by_key.items() if t.qos is QosProfile.STATE or not t.rate_hz]
+        recording = self._recording = RecordingSubscriber(
+            by_key, on_event, known, lambda key, request: self._request_from_producer(by_key[key], request)
+        )
 
         def store(key: str, sample: zenoh.Sample) -> None:
             if len(sample.payload) > MESSAGE_BYTES_MAX:
-                tap.count_bad(key, f"{len(sample.payload)} bytes are too many")
+                recording.count_bad(key, f"{len(sample.payload)} bytes are too many")
             else:
-                tap.store(key, bytes(sample.payload))
+                recording.store(key, bytes(sample.payload))
 
         for key, topic in by_key.items():
             session = self._session_for(topic)
             self._listeners.append(session.declare_subscriber(self._key(topic), direct(partial(store, key))))
 
-    def take_frames(self) -> list[Frame]:
-        return self._tap.frames() if self._tap is not None else []
+    def take_recorded(self) -> list[RecordedMessage]:
+        return self._recording.messages() if self._recording is not None else []
 
     def take_lost(self) -> Losses:
-        return self._tap.take_lost() if self._tap is not None else {}
+        return self._recording.take_lost() if self._recording is not None else {}
 
-    def _ask_producer(self, topic: Topic[Any], asked: bytes) -> None:
-        tap = self._tap
-        assert tap is not None
+    def _request_from_producer(self, topic: Topic[Any], request: bytes) -> None:
+        recording = self._recording
+        assert recording is not None
 
         def store(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                tap.answer(topic.key, bytes(reply.ok.payload))
+                recording.answer(topic.key, bytes(reply.ok.payload))
 
         self._session.get(
             self._key(topic),
             zenoh.handlers.Callback(store, indirect=False),
-            payload=asked,
+            payload=request,
             timeout=QUERY_TIMEOUT_S,
             consolidation=zenoh.ConsolidationMode.NONE,
             target=zenoh.QueryTarget.ALL,
@@ -191,7 +195,7 @@ class ZenohBus:
         return self._command_session if topic.is_command else self._session
 
     def _inbox(self, topic: Topic[P]) -> Inbox[P]:
-        """The topic's inbox; made when it is first asked for."""
+        """The topic's inbox; made when it is first request for."""
         inbox: Inbox[P] | None = self._inboxes.get(topic.key)
         if inbox is None:
             session, refuses, arrived = self._session_for(topic), self.gate.refuses, self._arrival.set
@@ -218,8 +222,8 @@ class ZenohBus:
             self._tokens.discard(module)
             return
         self._tokens.add(module)
-        if self._tap is not None:
-            self._tap.ask_all()
+        if self._recording is not None:
+            self._recording.request_all()
         for key, inbox in self._inboxes.copy().items():
             if key.split("/")[0] == module:
                 inbox.publisher_appears()

@@ -17,16 +17,16 @@ import zenoh
 from common.bus import QUEUE_LENGTH
 from common.clock import Clock
 from common.codec import DecodeError, Envelope, decode
-from common.frames import MESSAGE_BYTES_MAX, unpack_messages
-from common.messages import Stance, Topic
-from common.signing import SEAL_BYTES
+from common.messages import QosProfile, Topic
+from common.recording import MESSAGE_BYTES_MAX, unpack_messages
+from common.signing import SIGNATURE_BYTES
 from common.undecodable import Undecodable
 from common.zenoh_session import direct
 
 P = TypeVar("P")
 
 QUERY_TIMEOUT_S = 1.0
-_QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not asked all the time
+_QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not request all the time
 _KNOWN_BOOTS = 16
 
 Refuses = Callable[[Topic[Any], Envelope[Any], bytes, bytes], bool]
@@ -47,7 +47,7 @@ class Reader:
 
 
 class Inbox(Generic[P]):
-    """One subscriber. `refuses` judges commands with their seals; `arrived` is called when something came.
+    """One subscriber. `refuses` judges commands with their signature; `arrived` is called when something came.
 
     `newest`, `arrived_s` and `sequences` (boot id -> newest number) are as of the last look.
     """
@@ -68,16 +68,16 @@ class Inbox(Generic[P]):
         self._session, self._key, self._topic, self._clock = session, key, topic, clock
         self._reader, self._refuses, self._arrived = reader, refuses, arrived
         self._queue: deque[P] | None = None
-        self._is_state = topic.stance is Stance.STATE
+        self._is_state = topic.qos is QosProfile.STATE
         # The lock guards both, which Zenoh's threads write
-        self._pending: deque[tuple[float, bytes, bytes]] = deque(  # arrival, message, its seal
-            maxlen=1 if topic.stance is Stance.LATEST else QUEUE_LENGTH
+        self._pending: deque[tuple[float, bytes, bytes]] = deque(  # arrival, message, its signature
+            maxlen=1 if topic.qos is QosProfile.LATEST else QUEUE_LENGTH
         )
         self._replies: list[tuple[float, bytes]] = []
         self._lock = threading.Lock()
         self._query_due = self._is_state
         self._query_running = self._query_refused = self._query_answered = False
-        self._asked_wall_s = float("-inf")
+        self._requested_wall_s = float("-inf")
         self._subscriber: Any = None
         self._subscribe()
 
@@ -86,7 +86,7 @@ class Inbox(Generic[P]):
         # Asked again while nothing at all came: subscription and first message may have crossed on the way
         empty = self._is_state and self.newest is None
         if (self._query_due or empty) and not self._query_running:
-            self._ask()
+            self._request()
         if self._query_running or not (self._pending or self._replies):
             return
         with self._lock:
@@ -97,9 +97,9 @@ class Inbox(Generic[P]):
         for arrived_s, pack in replies:
             for data in unpack_messages(pack):
                 self._accept(arrived_s, self._reader.read(self._topic, data))
-        for i, (arrived_s, data, seal) in enumerate(live):
+        for i, (arrived_s, data, signature) in enumerate(live):
             envelope = self._reader.read(self._topic, data)
-            if envelope is None or self._refuses(self._topic, envelope, data, seal):
+            if envelope is None or self._refuses(self._topic, envelope, data, signature):
                 continue
             if not answered and self._misses_some(envelope):
                 self._query_due = True
@@ -121,7 +121,7 @@ class Inbox(Generic[P]):
         return messages
 
     def publisher_appears(self) -> None:
-        """Called by Zenoh's thread: somebody is there now who may be asked."""
+        """Called by Zenoh's thread: somebody is there now who may be request."""
         if self._is_state:
             self._query_due = True
 
@@ -132,7 +132,7 @@ class Inbox(Generic[P]):
         if len(sample.payload) > MESSAGE_BYTES_MAX:
             self._reader.undecodable.count(self._topic.key, f"{len(sample.payload)} bytes are too many")
             return
-        arrival = (self._clock.now_s(), bytes(sample.payload), _seal_of(sample))
+        arrival = (self._clock.now_s(), bytes(sample.payload), _signature_of(sample))
         with self._lock:
             self._pending.append(arrival)
         self._arrived()
@@ -151,16 +151,16 @@ class Inbox(Generic[P]):
         if self._queue is not None:
             self._queue.append(envelope.payload)
 
-    def _ask(self) -> None:
+    def _request(self) -> None:
         wall_s = time.monotonic()
-        if wall_s - self._asked_wall_s < _QUERY_PAUSE_S:
+        if wall_s - self._requested_wall_s < _QUERY_PAUSE_S:
             return
-        self._asked_wall_s, self._query_due, self._query_running = wall_s, False, True
+        self._requested_wall_s, self._query_due, self._query_running = wall_s, False, True
         self._query_refused = False
 
         def store(reply: zenoh.Reply) -> None:
             if reply.ok is None:
-                self._query_refused = True  # or it came too late: it is asked again
+                self._query_refused = True  # or it came too late: it is request again
             else:
                 arrival = (self._clock.now_s(), bytes(reply.ok.payload))
                 with self._lock:
@@ -179,7 +179,7 @@ class Inbox(Generic[P]):
         )
 
 
-def _seal_of(sample: zenoh.Sample) -> bytes:
-    """What travelled beside a message, as far as it can be a seal."""
+def _signature_of(sample: zenoh.Sample) -> bytes:
+    """What travelled beside a message, as far as it can be a signature."""
     beside = sample.attachment
-    return bytes(beside) if beside is not None and len(beside) == SEAL_BYTES else b""
+    return bytes(beside) if beside is not None and len(beside) == SIGNATURE_BYTES else b""

@@ -1,4 +1,4 @@
-"""Zenoh's own log -> the process's log, and with it the command center: what it refuses nobody else can tell.
+"""Zenoh's own log -> the process's log, and with it the command center: nobody else knows what it refuses.
 
 Zenoh writes to standard output alone; that leads into a file in memory, which never keeps it waiting and is read in the
 node's loop. What the access rules refuse stands among all that they judge; the rest is left out again.
@@ -48,7 +48,7 @@ class ZenohLog:
         self._rights: dict[str, tuple[str, str]] = {}  # thread -> id and key whose rights it may be working out
         self._rest = ""
 
-    def hear(self, written: str, now_s: float) -> None:
+    def receive(self, written: str, now_s: float) -> None:
         """The next piece of what Zenoh wrote; a line may be cut anywhere."""
         *lines, self._rest = (self._rest + written).split("\n")
         for coloured in lines:
@@ -91,12 +91,12 @@ class ZenohOutput:
         os.dup2(self._file, _STDOUT)
         self._read_bytes = 0
 
-    def tell(self, now_s: float) -> None:
+    def report(self, now_s: float) -> None:
         """Logs what was said since the last call, or a part of it."""
         written = os.pread(self._file, _READ_BYTES, self._read_bytes)
         if not written:
             return
-        self._log.hear(written.decode(errors="replace"), now_s)
+        self._log.receive(written.decode(errors="replace"), now_s)
         self._read_bytes += len(written)
         if self._read_bytes >= _FILE_BYTES:
             os.ftruncate(self._file, 0)

@@ -6,7 +6,7 @@ own board does that too, and the command center for its commands, so that a stop
 everything on one machine all join comm's router.
 
 Peers know each other's addresses, and of two the later in NEIGHBOURS connects, again and again for as long as it takes.
-Zenoh's own way to find neighbours (gossip) tells of each only once: a link that is lost while both keep their router
+Zenoh's own way to find neighbours (gossip) announces each only once: a link that is lost while both keep their router
 would never come back.
 """
 
@@ -28,9 +28,9 @@ from common import access
 from common.clock import FREE_LEASE_S
 from common.config import Config
 from common.errors import StartError
-from common.frames import MESSAGE_BYTES_MAX
 from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
 from common.messages import ON_ROBOT, STOP
+from common.recording import MESSAGE_BYTES_MAX
 
 Mode = Literal["peer", "client", "router"]
 
@@ -48,7 +48,7 @@ _TRANSPORTED_BYTES_MAX = MESSAGE_BYTES_MAX + 64_000
 _COMMANDS = "{} commands"  # the name of the session that carries nothing else
 # Peers to whom others connect. Each has an address of its own on loopback, at the port of the router beside it, so that
 # several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
-# of these, and do not hear each other
+# of these, and do not reach each other
 NEIGHBOURS = (_COMMANDS.format("bridge"), "bridge", "mmu", "planner", "poi", "simulator", "visualizer", "local")
 _FIRST_HOST = 2  # 127.0.0.2 and so on; comm's router has 127.0.0.1
 _CLOSE_TIMEOUT_S = 1.0
@@ -57,7 +57,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Channel:
     """How a session joins the mesh."""
 
     mode: Mode
@@ -67,28 +67,28 @@ class Way:
     rules: access.Rules | None = None
 
 
-def main_way(name: str, mode: Mode, config: Config) -> Way:
+def main_channel(name: str, mode: Mode, config: Config) -> Channel:
     """Of a process's session; raises StartError when its keys cannot serve."""
     mesh, robot = config.mesh, config.robot.name
     if mode == "router" and name != LAPTOP_ROUTER:
         rules = access.robot_rules(robot) if mesh.keys else None
         if not mesh.listen:
-            return Way("router", (mesh.router,), rules=rules)
-        return Way("router", (mesh.router, mesh.listen), keys=_keys(config, "robot"), rules=rules)
+            return Channel("router", (mesh.router,), rules=rules)
+        return Channel("router", (mesh.router, mesh.listen), keys=_keys(config, "robot"), rules=rules)
     away = bool(mesh.robot) and name in (*access.ROLES["pi"], *access.ROLES["laptop"])
     if mode == "router":
         if not away:
-            return Way("router", (mesh.laptop_router,), (mesh.router,))
+            return Channel("router", (mesh.laptop_router,), (mesh.router,))
         keys, rules = _keys(config, "laptop"), access.laptop_rules(robot)
-        return Way("router", (mesh.laptop_router,), (mesh.robot,), keys, rules)
+        return Channel("router", (mesh.laptop_router,), (mesh.robot,), keys, rules)
     if away and (mode == "client" or name in access.ROLES["pi"]):
         return _straight_to_robot(name, mode, config)
     if mode == "client":
-        return Way("client", connect=(mesh.router,))
+        return Channel("client", connect=(mesh.router,))
     return _beside_router(name, away, config)
 
 
-def command_way(name: str, mode: Mode, config: Config) -> Way | None:
+def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
     """Of the session that carries nothing but commands; None for a process that has no need of its own."""
     if mode != "peer" or name not in (STOP.producer, *STOP.consumers):
         return None
@@ -102,7 +102,7 @@ def lease_s(name: str, clock_lease_s: float) -> float:
     return clock_lease_s if name in ON_ROBOT else max(clock_lease_s, LAPTOP_LEASE_S)
 
 
-def _beside_router(session: str, on_laptop: bool, config: Config) -> Way:
+def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
     """A peer's, on loopback: it connects to the router and to the NEIGHBOURS before it."""
     router = config.mesh.laptop_router if on_laptop else config.mesh.router
     port = router.rpartition(":")[2]
@@ -110,25 +110,25 @@ def _beside_router(session: str, on_laptop: bool, config: Config) -> Way:
     own = addresses.get(session)
     before = NEIGHBOURS[: NEIGHBOURS.index(session)] if own else NEIGHBOURS
     there = [name for name in before if not on_laptop or name in access.ROLES["laptop"]]
-    return Way("peer", (own,) if own else (), (router, *(addresses[name] for name in there)))
+    return Channel("peer", (own,) if own else (), (router, *(addresses[name] for name in there)))
 
 
-def _straight_to_robot(name: str, mode: Mode, config: Config) -> Way:
+def _straight_to_robot(name: str, mode: Mode, config: Config) -> Channel:
     # A client cannot begin without comm, and comm passes nothing from one peer to another
     how: Mode = "client" if mode == "client" else "router"
-    return Way(how, connect=(config.mesh.robot,), keys=_keys(config, access.role_of(name)))
+    return Channel(how, connect=(config.mesh.robot,), keys=_keys(config, access.role_of(name)))
 
 
 def _keys(config: Config, role: str) -> Path:
     return checked_folder(Path(config.mesh.keys), role)
 
 
-def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
+def session_config(channel: Channel, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
     """What every session of the mesh shares. Multicast and shared memory fail in containers, hence neither."""
     values: dict[str, Any] = {
-        "mode": way.mode,
-        "listen/endpoints": way.listen,
-        "connect/endpoints": way.connect,
+        "mode": channel.mode,
+        "listen/endpoints": channel.listen,
+        "connect/endpoints": channel.connect,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
@@ -142,12 +142,12 @@ def session_config(way: Way, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(1e6 * _BLOCKED_S),
         "transport/shared_memory/enabled": False,
     }
-    if way.mode == "client":
+    if channel.mode == "client":
         values |= {"connect/timeout_ms": 1500, "connect/exit_on_failure": True}
-    if way.keys is not None:
-        values["transport/link/tls"] = _tls(way.keys)
-    if way.rules is not None:
-        values |= way.rules
+    if channel.keys is not None:
+        values["transport/link/tls"] = _tls(channel.keys)
+    if channel.rules is not None:
+        values |= channel.rules
     config = zenoh.Config()
     for key, value in values.items():
         config.insert_json5(key, json.dumps(value))
@@ -167,19 +167,19 @@ def _tls(keys: Path) -> dict[str, Any]:
     }
 
 
-def open_session(way: Way, lease_s: float) -> zenoh.Session:
+def open_session(channel: Channel, lease_s: float) -> zenoh.Session:
     """Raises StartError when an address to listen on is taken, and for a client when no router answers."""
     try:
-        return zenoh.open(session_config(way, lease_s))
+        return zenoh.open(session_config(channel, lease_s))
     except zenoh.ZError as error:
-        if way.mode != "client":
+        if channel.mode != "client":
             hint = "it is in use; stop the other mesh or program, or give this mesh another [mesh] router in robot.toml"
-            raise StartError(f"Cannot listen on {' and '.join(way.listen)}: {hint}.") from error
+            raise StartError(f"Cannot listen on {' and '.join(channel.listen)}: {hint}.") from error
         hint = "start it, or correct [mesh] router in robot.toml"
-        if way.keys is not None:
-            hint = f"is the robot on, and are its keys of the same authority as those in {way.keys}?"
-            raise StartError(f"No mesh answers at {way.connect[0]}: {hint}") from error
-        raise StartError(f"No mesh answers at {way.connect[0]}: {hint}.") from error
+        if channel.keys is not None:
+            hint = f"is the robot on, and are its keys of the same authority as those in {channel.keys}?"
+            raise StartError(f"No mesh answers at {channel.connect[0]}: {hint}") from error
+        raise StartError(f"No mesh answers at {channel.connect[0]}: {hint}.") from error
 
 
 def direct(function: Callable[[Any], None]) -> Any:
@@ -189,10 +189,10 @@ def direct(function: Callable[[Any], None]) -> Any:
 
 def watch_links(session: zenoh.Session) -> Any:
     """Logs who joins with a certificate, and whether the rules let it command; keep the handle."""
-    return session.info.declare_link_events_listener(direct(_tell_link))
+    return session.info.declare_link_events_listener(direct(_log_link))
 
 
-def _tell_link(event: zenoh.LinkEvent) -> None:
+def _log_link(event: zenoh.LinkEvent) -> None:
     role = event.link.auth_identifier
     if role is None:
         return
@@ -206,7 +206,7 @@ def _tell_link(event: zenoh.LinkEvent) -> None:
 def close_sessions(sessions: Iterable[zenoh.Session]) -> bool:
     """Closes each once; False when Zenoh is not done yet.
 
-    It waits 10 s for a frozen neighbour to take the farewell: the lease tells that one as well, so it is left.
+    It waits 10 s for a frozen neighbour to take the farewell: the lease ends that link as well, so it is left.
     """
     closers = [
         threading.Thread(target=_close, args=(session,), daemon=True)

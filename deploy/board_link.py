@@ -48,7 +48,7 @@ class BoardLink:
         self._began_s: float | None = None
         self._heard_s = -inf
         self._beat_s = self._told_s = -inf
-        self._beats = 0
+        self._heartbeat_count = 0
         self._command: Drv | None = None
         self._last_id = 0
         self._moving_allowed = False
@@ -142,8 +142,8 @@ class BoardLink:
     def _keep_moving(self, now_s: float) -> None:
         if now_s - self._beat_s >= HEARTBEAT_PERIOD_S - 1e-6:
             self._beat_s = now_s
-            self._beats = (self._beats + 1) % 65536
-            self._send(Hb(self._beats, self._board_epoch), now_s)
+            self._heartbeat_count = (self._heartbeat_count + 1) % 65536
+            self._send(Hb(self._heartbeat_count, self._board_epoch), now_s)
         if self.car is None or now_s - self._told_s < REPEAT_S - 1e-6:
             return
         if self.car.stop_latched:

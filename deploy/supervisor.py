@@ -43,7 +43,7 @@ class Child:
     died_s: float | None = None
     short_lives: int = 0
 
-    def last_words(self) -> str:
+    def last_error_line(self) -> str:
         """The last line that the process wrote to stderr."""
         try:
             lines = self.stderr.read_text(encoding="utf-8", errors="replace").strip().splitlines()
@@ -115,7 +115,7 @@ class Supervisor:
         child.process, child.died_s = None, time.monotonic()
         child.short_lives = child.short_lives + 1 if lived_s < SHORT_LIFE_S else 0
         if code == 2 and not self.settled:
-            raise ProcessFailed(child.last_words(), 2)
+            raise ProcessFailed(child.last_error_line(), 2)
         _log.warning("process died name=%s exit=%d lived_s=%.1f", child.name, code, lived_s)
         if not child.restart or child.short_lives > SHORT_LIVES_MAX:
             raise ProcessFailed(f"{child.name} ended with exit code {code}; its log is in {self.log_dir}.", 1)

@@ -120,12 +120,12 @@ def topics() -> str:
             f"`{_key(topic)}`",
             topic.payload.__name__,
             f"{rate}, {topic.note}" if topic.note else rate,
-            topic.stance.name,
+            topic.qos.name,
             ", ".join(topic.consumers),
             ", ".join(flows),
         )
     internal = [("(none)", "", "", "", medium, flow) for flow, medium in INTERNAL_FLOWS.items()]
-    return _table("key | payload | rate | stance | consumers | flow", [*rows.values(), *internal])
+    return _table("key | payload | rate | qos | consumers | flow", [*rows.values(), *internal])
 
 
 def errors() -> str:

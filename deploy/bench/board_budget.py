@@ -101,15 +101,15 @@ def traffic(config_file: Path, listen_s: float) -> dict[str, Traffic]:
     sizes: dict[str, int] = defaultdict(int)
     bus = ZenohBus("bench", load_config(config_file), FreeClock())
     try:
-        bus.tap(TOPICS, {})
+        bus.record(TOPICS, {})
         begins_s = time.monotonic() + CATCH_UP_S
         while (now_s := time.monotonic()) < begins_s + listen_s:
             time.sleep(_LISTEN_PERIOD_S)
-            frames = bus.take_frames()
-            for frame in frames if now_s > begins_s else ():
-                producer = frame.key.split("/")[0]
+            messages = bus.take_recorded()
+            for message in messages if now_s > begins_s else ():
+                producer = message.key.split("/")[0]
                 counts[producer] += 1
-                sizes[producer] += len(frame.data)
+                sizes[producer] += len(message.data)
     finally:
         bus.close()
     return {name: Traffic(counts[name] / listen_s, sizes[name] / listen_s) for name in counts}

@@ -27,7 +27,7 @@ from common.codec import decode, encode
 from common.config import Config, MeshSection
 from common.messages import POSE, PoseEstimate
 from common.zenoh_bus import ZenohBus
-from common.zenoh_session import lease_s, main_way, open_session
+from common.zenoh_session import lease_s, main_channel, open_session
 from deploy.bench.machine import percentiles
 from deploy.local_mesh import free_port
 
@@ -76,7 +76,7 @@ class OurEnd:
 
 class BareEnd:
     def __init__(self, name: str, config: Config) -> None:
-        self._session = open_session(main_way(name, "peer", config), lease_s(name, FreeClock.lease_s))
+        self._session = open_session(main_channel(name, "peer", config), lease_s(name, FreeClock.lease_s))
         self._key = f"bare/{POSE.key}"
         self._publisher = self._session.declare_publisher(
             self._key, priority=zenoh.Priority.DATA_HIGH, congestion_control=zenoh.CongestionControl.DROP
@@ -203,7 +203,7 @@ def measure(rounds: int) -> dict[str, Figures]:
     figures = {kind: Figures([], [], []) for kind in ENDS}
     with ExitStack() as routers:
         for config in configs.values():
-            routers.enter_context(open_session(main_way("comm", "router", config), FreeClock.lease_s))
+            routers.enter_context(open_session(main_channel("comm", "router", config), FreeClock.lease_s))
         for by_steps in (False, True):
             pairs = {kind: Pair(kind, config, by_steps=by_steps) for kind, config in configs.items()}
             for _ in range(rounds):

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile
 
-from common.frames import Frame, Known, remember
+from common.recording import Known, RecordedMessage, remember
 
 COPIES_MAX = 2048  # per topic; more than comm says while its rows are on their way
 
@@ -20,33 +20,33 @@ class LiveCopies:
 
     def __init__(self, keys: Iterable[str], delivered: Mapping[tuple[str, int], int]) -> None:
         """`delivered`: newest sequence number that the database holds, by (topic, boot id)."""
-        self._copies: dict[str, deque[Frame]] = {key: deque(maxlen=COPIES_MAX) for key in keys}
+        self._copies: dict[str, deque[RecordedMessage]] = {key: deque(maxlen=COPIES_MAX) for key in keys}
         self._delivered: Known = dict(delivered)
 
-    def keep(self, frames: Iterable[Frame]) -> list[Frame]:
-        """Takes the copies; returns the frames that are none."""
+    def keep(self, messages: Iterable[RecordedMessage]) -> list[RecordedMessage]:
+        """Takes the copies; returns the messages that are none."""
         others = []
-        for frame in frames:
-            if frame.key in self._copies:
-                self._copies[frame.key].append(frame)
+        for message in messages:
+            if message.key in self._copies:
+                self._copies[message.key].append(message)
             else:
-                others.append(frame)
+                others.append(message)
         return others
 
-    def complete(self, frames: Sequence[Frame]) -> list[Frame]:
+    def complete(self, messages: Sequence[RecordedMessage]) -> list[RecordedMessage]:
         """What the outbox delivers, with what an earlier comm could not put into it before its own successor's."""
-        completed: list[Frame] = []
-        for frame in frames:
-            if frame.key in self._copies:
-                completed += self._orphans(frame.key, frame.boot_id)
-                self._note(frame)
-            completed.append(frame)
+        completed: list[RecordedMessage] = []
+        for message in messages:
+            if message.key in self._copies:
+                completed += self._orphans(message.key, message.boot_id)
+                self._note(message)
+            completed.append(message)
         for copies in self._copies.values():
             while copies and self._has(copies[0]):
                 copies.popleft()
         return completed
 
-    def _orphans(self, key: str, boot_id: int) -> list[Frame]:
+    def _orphans(self, key: str, boot_id: int) -> list[RecordedMessage]:
         """Copies from before the first one of this boot: their comm is dead, and its outbox has said all it had."""
         copies, orphans = self._copies[key], []
         if any(copy.boot_id == boot_id for copy in copies):
@@ -56,9 +56,9 @@ class LiveCopies:
                     self._note(copy)
         return orphans
 
-    def _has(self, frame: Frame) -> bool:
-        return frame.sequence <= self._delivered.get((frame.key, frame.boot_id), 0)
+    def _has(self, message: RecordedMessage) -> bool:
+        return message.sequence <= self._delivered.get((message.key, message.boot_id), 0)
 
-    def _note(self, frame: Frame) -> None:
-        source = (frame.key, frame.boot_id)
-        remember(self._delivered, source, max(self._delivered.get(source, 0), frame.sequence))
+    def _note(self, message: RecordedMessage) -> None:
+        source = (message.key, message.boot_id)
+        remember(self._delivered, source, max(self._delivered.get(source, 0), message.sequence))

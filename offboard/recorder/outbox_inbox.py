@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import msgpack
 
 from common.codec import DecodeError, read_header
-from common.frames import MESSAGE_BYTES_MAX, Frame, Losses, add_loss
 from common.messages import OutboxPiece, OutboxReceipt
+from common.recording import MESSAGE_BYTES_MAX, Losses, RecordedMessage, add_loss
 
 TOTAL_BYTES_MAX = 2 * MESSAGE_BYTES_MAX
 HANDOVER_S = 10.0  # longer than the outbox waits for a recorder that has ended
@@ -22,7 +22,7 @@ _log = logging.getLogger("recorder")
 class RowContent:
     """The messages of some rows, and what was dropped before them."""
 
-    frames: list[Frame] = field(default_factory=list)
+    messages: list[RecordedMessage] = field(default_factory=list)
     dropped: Losses = field(default_factory=dict)
 
 
@@ -116,7 +116,7 @@ def _add_row(content: RowContent, row: bytes) -> None:
     messages, losses = msgpack.unpackb(row)
     for key, *_, data in messages:
         sequence, boot_id = read_header(data)
-        content.frames.append(Frame(str(key), boot_id, sequence, data))
+        content.messages.append(RecordedMessage(str(key), boot_id, sequence, data))
     for key, boot_id, *span in losses:
         if len(span) == 2:  # an older outbox counted them only: the hole in the numbers shows them
             add_loss(content.dropped, (str(key), _number(boot_id)), *map(_number, span))

@@ -18,8 +18,8 @@ from common.bus import Bus
 from common.database import disk_full, lost
 from common.disk_worker import DISK_ERRORS, DiskError, DiskWorker
 from common.errors import ErrorCode
-from common.frames import Frame, Losses, add_loss
 from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, ROBOT_RECORDED, OutboxReceipt
+from common.recording import Losses, RecordedMessage, add_loss
 from common.status import StatusReporter
 from common.undecodable import Undecodable
 from offboard.recorder.live_copies import LiveCopies
@@ -55,7 +55,7 @@ class Recorder:
         # Of a new run; one that is continued keeps its own, so that the robot's outbox knows it again
         self._inbox = OutboxInbox(1 if date is None else 1 + secrets.randbelow(2**48))
         self._copies = LiveCopies((), {})
-        self._waiting: list[Frame] = []
+        self._waiting: list[RecordedMessage] = []
         self._dropped: Losses = {}
         self._delivery: Delivery | None = None  # handed to the disk, not known to be there
         self._row = self._summary_row = 0  # the files hold the messages up to here, and a summary those up to there
@@ -129,7 +129,7 @@ class Recorder:
         if first:
             heard = run.database.heard((*LAPTOP_RECORDED, *_OF_COMM))
             self._copies = LiveCopies((topic.key for topic in _OF_COMM), run.database.heard(_OF_COMM))
-            bus.tap((*LAPTOP_RECORDED, *_OF_COMM), heard)
+            bus.record((*LAPTOP_RECORDED, *_OF_COMM), heard)
             bus.take(OUTBOX)
 
     def _receive_data(self, bus: Bus, now_s: float) -> None:
@@ -137,7 +137,7 @@ class Recorder:
             self._inbox.take(piece, now_s)
         # What does not fit stays with the bus, and with the producers beyond that
         if len(self._waiting) < WAITING_MAX:
-            self._waiting += self._copies.keep(bus.take_frames())
+            self._waiting += self._copies.keep(bus.take_recorded())
             copied = {topic.key for topic in _OF_COMM}  # for these the outbox answers
             for source, span in bus.take_lost().items():
                 if source[0] not in copied:
@@ -165,9 +165,9 @@ class Recorder:
             delivery = self._delivery = Delivery(now_s, summary=self._summary)
             if self._inbox.complete is not None:
                 content = self._inbox.content()
-                delivery.frames, delivery.dropped = self._copies.complete(content.frames), content.dropped
+                delivery.messages, delivery.dropped = self._copies.complete(content.messages), content.dropped
                 delivery.from_outbox = True
-            delivery.frames += self._waiting
+            delivery.messages += self._waiting
             for source, span in self._dropped.items():
                 add_loss(delivery.dropped, source, *span)
             self._waiting, self._dropped, self._summary = [], {}, None

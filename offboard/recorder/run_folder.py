@@ -52,7 +52,7 @@ class RunFolderError(StartError):
 
 @dataclass(frozen=True, slots=True)
 class MapData:
-    """Everything a picture of the map shows, in the frame `map`."""
+    """Everything a picture of the map shows, in the message `map`."""
 
     points_m: Points  # (N, 2) wall points
     inferred: npt.NDArray[np.uint8]  # (N,) 1 where a wall was concluded, not echoed

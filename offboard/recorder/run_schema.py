@@ -17,8 +17,8 @@ from typing import Any
 from common.codec import DecodeError, decode
 from common.database import DatabaseFiles, damaged, transaction
 from common.errors import StartError
-from common.frames import KNOWN_BOOTS, Frame, Known, Losses
 from common.messages import TOPICS, Topic
+from common.recording import KNOWN_BOOTS, Known, Losses, RecordedMessage
 
 SCHEMA_VERSION = 2
 
@@ -105,7 +105,7 @@ class Delivery:
     """What is to be stored in one transaction."""
 
     arrived_s: float
-    frames: list[Frame] = field(default_factory=list)
+    messages: list[RecordedMessage] = field(default_factory=list)
     dropped: Losses = field(default_factory=dict)
     from_outbox: bool = False
     summary: Summary | None = None
@@ -120,13 +120,13 @@ class Result:
     row: int = 0  # the newest in the database
 
 
-def validate_data(frame: Frame) -> tuple[Any, str | None]:
+def validate_data(message: RecordedMessage) -> tuple[Any, str | None]:
     """The payload of a message and None, or None and the problem with it."""
-    topic = TOPIC_OF_KEY.get(frame.key)
+    topic = TOPIC_OF_KEY.get(message.key)
     if topic is None:
         return None, "no topic of this name"
     try:
-        return decode(frame.data, topic.payload).payload, None
+        return decode(message.data, topic.payload).payload, None
     except DecodeError as error:
         return None, str(error)
 
@@ -193,8 +193,8 @@ class RunDatabase:
         """
         result = Result()
         with transaction(self.connection):
-            for frame in delivery.frames:
-                self._store_frame(frame, delivery.arrived_s, result)
+            for message in delivery.messages:
+                self._store_frame(message, delivery.arrived_s, result)
             losses = [(*source, first, last, 0) for source, (first, last) in delivery.dropped.items()]
             self.connection.executemany(_SAID, losses)
             if delivery.summary is not None:
@@ -223,14 +223,14 @@ class RunDatabase:
         begin = f"INSERT INTO recorder VALUES ({recorder_id}, 0, x'');PRAGMA user_version = {SCHEMA_VERSION};"
         self.connection.executescript(f"BEGIN;{tables}{_DROPPED}{begin}COMMIT;")
 
-    def _store_frame(self, frame: Frame, arrived_s: float, result: Result) -> None:
-        payload, problem = validate_data(frame)
+    def _store_frame(self, message: RecordedMessage, arrived_s: float, result: Result) -> None:
+        payload, problem = validate_data(message)
         t_s = None if payload is None else payload.t_s
-        row = (frame.key, frame.boot_id, frame.sequence, t_s, arrived_s, frame.data, problem)
+        row = (message.key, message.boot_id, message.sequence, t_s, arrived_s, message.data, problem)
         if not self.connection.execute(_INSERT, row).rowcount:
             return
-        self.connection.execute(_SAID, (frame.key, frame.boot_id, frame.sequence, frame.sequence, 1))
+        self.connection.execute(_SAID, (message.key, message.boot_id, message.sequence, message.sequence, 1))
         if problem is None:
-            result.stored.append(Stored(TOPIC_OF_KEY[frame.key], frame.boot_id, payload))
+            result.stored.append(Stored(TOPIC_OF_KEY[message.key], message.boot_id, payload))
         else:
-            result.problems[frame.key] = problem
+            result.problems[message.key] = problem

@@ -12,7 +12,7 @@ from typing import Any
 
 import mujoco
 
-from common.constants import CAMERA_HEIGHT_M, HULL_RADIUS_M
+from common.constants import CAMERA_HEIGHT_M, FOOTPRINT_RADIUS_M
 from common.geometry import FloatArray
 from common.json_reader import Colour
 from offboard.simulator.floor import Door
@@ -82,8 +82,8 @@ def build_model(
       <joint name="x" type="slide" axis="1 0 0"/>
       <joint name="y" type="slide" axis="0 1 0"/>
       <joint name="heading" type="hinge" axis="0 0 1"/>
-      <geom type="sphere" size="{HULL_RADIUS_M}" pos="0 0 {HULL_RADIUS_M}" mass="6" contype="0" conaffinity="1"
-            condim="1" solref="0.012 1" solimp="0.95 0.99 0.001" group="{_HIDDEN_GROUP}"/>
+      <geom type="sphere" size="{FOOTPRINT_RADIUS_M}" pos="0 0 {FOOTPRINT_RADIUS_M}" mass="6" contype="0"
+            conaffinity="1" condim="1" solref="0.012 1" solimp="0.95 0.99 0.001" group="{_HIDDEN_GROUP}"/>
       <camera name="{CAMERA_NAME}" pos="0 0 {CAMERA_HEIGHT_M}" xyaxes="-1 0 0 0 0 1"
               fovy="{scenery.field_of_view_y_deg:.6f}"/>
     </body>
@@ -115,7 +115,7 @@ def _wall_xml(segment: Sequence[float]) -> str:
 def _person_xml(name: str, radius_m: float) -> str:
     return (
         f'<body name="{name}" mocap="true" pos="0 0 -10">'
-        f'<geom type="sphere" size="{radius_m}" pos="0 0 {HULL_RADIUS_M}" contype="1" conaffinity="0" condim="1" '
+        f'<geom type="sphere" size="{radius_m}" pos="0 0 {FOOTPRINT_RADIUS_M}" contype="1" conaffinity="0" condim="1" '
         f'group="{_HIDDEN_GROUP}"/>'
         f'<geom type="capsule" fromto="0 0 {radius_m} 0 0 1.5" size="{radius_m}" rgba="0.25 0.3 0.45 1" contype="0" '
         f'conaffinity="0"/><geom type="sphere" size="0.12" pos="0 0 1.68" rgba="0.85 0.68 0.56 1" contype="0" '

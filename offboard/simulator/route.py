@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from common.bus import Bus, alive_and_valid
-from common.constants import HULL_RADIUS_M, PLANNER_CLEARANCE_M, POSE_RATE_HZ
+from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M, POSE_RATE_HZ
 from common.errors import ErrorCode
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import (
@@ -38,7 +38,7 @@ from onboard.planner.unwinding import Unwinding
 
 CELL_M = 0.1
 MIDDLE_WEIGHT = 6.0  # how much dearer a metre is close to a wall
-CLEARANCE_M = HULL_RADIUS_M + PLANNER_CLEARANCE_M
+CLEARANCE_M = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M
 DRIVEN_M = 1.0  # a middle within this of the way is driven
 DRIVEN_SHARE = 1.5  # and, in a wide place, within so many times the way's own distance from the wall
 LOOK_AHEAD_M = 0.5

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import mujoco
 
-from common.constants import HULL_RADIUS_M
+from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import FloatArray, Pose2, wrap_angle
 from offboard.simulator.board import Board, ResetCause
 from offboard.simulator.building import Scenery, build_model
@@ -231,5 +231,5 @@ class World:
         self._measure_clearance()
 
     def _measure_clearance(self) -> None:
-        clear_m = float(distances_m(self._walls, self._pose[0], self._pose[1]).min()) - HULL_RADIUS_M
+        clear_m = float(distances_m(self._walls, self._pose[0], self._pose[1]).min()) - FOOTPRINT_RADIUS_M
         self._clearance_m = min(self._clearance_m, clear_m)

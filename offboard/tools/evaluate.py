@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from common.constants import CAMERA_FIELD_OF_VIEW_RAD, CAMERA_INCIDENCE_MAX_RAD, CAMERA_RANGE_M, HULL_RADIUS_M
+from common.constants import CAMERA_FIELD_OF_VIEW_RAD, CAMERA_INCIDENCE_MAX_RAD, CAMERA_RANGE_M, FOOTPRINT_RADIUS_M
 from common.geometry import FloatArray, Points, Pose2, rigid_fit, wrap_angle, wrap_angles
 from common.json_reader import Node
 from offboard.recorder.run_folder import TRAJECTORY_NAME, TRUTH_NAME, read_map, read_tum
@@ -84,7 +84,7 @@ def path_figures(truth: FloatArray, space: FreeSpace) -> Figures:
         "path_m": float(_distances_m(np.diff(truth[:, :2], axis=0)).sum()),
         "home_m": float(np.hypot(away[0], away[1])),
         "home_deg": float(np.degrees(abs(wrap_angle(away[2])))),
-        "clearance_m": float(space.wall_distance_m(truth[:, :2]).min() - HULL_RADIUS_M),
+        "clearance_m": float(space.wall_distance_m(truth[:, :2]).min() - FOOTPRINT_RADIUS_M),
     }
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.constants import HULL_RADIUS_M, SONAR_BEARINGS_RAD
+from common.constants import FOOTPRINT_RADIUS_M, SONAR_BEARINGS_RAD
 from common.geometry import FloatArray, Points
 from common.messages import RANGES
 from offboard.recorder.run_database import RunReader
@@ -81,8 +81,8 @@ def occupancy_image(walls_m: Points, driven_m: Points, seen_m: Points) -> Occupa
     low = np.floor((everything.min(axis=0) - MARGIN_M) / CELL_M) * CELL_M
     size = np.ceil((everything.max(axis=0) + MARGIN_M - low) / CELL_M).astype(int)
     cells = np.full((size[1], size[0]), UNKNOWN, np.uint8)
-    reach = np.arange(-HULL_RADIUS_M, HULL_RADIUS_M + 1e-9, CELL_M)
-    disc = np.array([(x, y) for x in reach for y in reach if x * x + y * y <= HULL_RADIUS_M**2])
+    reach = np.arange(-FOOTPRINT_RADIUS_M, FOOTPRINT_RADIUS_M + 1e-9, CELL_M)
+    disc = np.array([(x, y) for x in reach for y in reach if x * x + y * y <= FOOTPRINT_RADIUS_M**2])
     hull_m = (driven_m[:, None, :] + disc[None, :, :]).reshape(-1, 2)
     for points_m, value, needed in ((seen_m, FREE, PASSED_MIN), (hull_m, FREE, 1), (walls_m, OCCUPIED, 1)):
         column, row = np.floor((points_m - low) / CELL_M).astype(np.int64).T

@@ -101,7 +101,7 @@ class Bridge:
         self._sim: SimSta | None = None
         self._car: CarSta | None = None
         self._stop: Stp | None = None
-        self._beats = {"sim": 0, "car": 0}
+        self._heartbeat_counts = {"sim": 0, "car": 0}
         self._told: dict[str, tuple[str, int]] = {}
         # A little less than the period: the board's own beat decides, not the jitter of the line
         self._car_pace, self._car_error = StatusPace(), 0
@@ -256,19 +256,21 @@ class Bridge:
                 bus.publish(DISTANCES, translation.distances(message, t_s))
             case SimSta():
                 self._sim = message
-                self._beats["sim"] += 1
-                bus.publish(STATUS["sim"], translation.sim_status(message, t_s, self._beats["sim"]))
+                self._heartbeat_counts["sim"] += 1
+                bus.publish(STATUS["sim"], translation.sim_status(message, t_s, self._heartbeat_counts["sim"]))
                 self._tell("sim", SimState(message.state).name, message.error)
             case CarSta():
                 self._car = message
-                self._beats["car"] += 1
+                self._heartbeat_counts["car"] += 1
                 self._publish_carrier(bus, t_s)
                 # The Carrier reports every new drive command too, which is no news of its state
                 self._tell("car", CarState(message.state).name, message.error)
                 urgent, self._car_error = message.error != self._car_error, message.error
                 if self._car_pace.due(t_s, urgent):
                     free_ram = self._sim.free_ram if self._sim is not None else 0
-                    bus.publish(STATUS["car"], translation.car_status(message, t_s, self._beats["car"], free_ram))
+                    bus.publish(
+                        STATUS["car"], translation.car_status(message, t_s, self._heartbeat_counts["car"], free_ram)
+                    )
 
             case Stp():
                 news, self._stop = message != self._stop, message

@@ -100,17 +100,21 @@ def error_code(number: int) -> ErrorCode:
         return ErrorCode.INTERNAL
 
 
-def sim_status(sta: SimSta, t_s: float, beats: int) -> Status:
+def sim_status(sta: SimSta, t_s: float, heartbeat_count: int) -> Status:
     ready = sta.state == SimState.RUNNING
     tilt = f"pitch_deg={sta.pitch_cdeg / 100:.1f} roll_deg={sta.roll_cdeg / 100:.1f}"
     detail = f"free_ram={sta.free_ram} bad_lines={sta.bad_lines} {tilt}"
-    return Status(t_s, SimState(sta.state).name, error_code(sta.error), sta.free_ram // 1024, ready, beats, detail)
+    return Status(
+        t_s, SimState(sta.state).name, error_code(sta.error), sta.free_ram // 1024, ready, heartbeat_count, detail
+    )
 
 
-def car_status(sta: CarSta, t_s: float, beats: int, free_ram: int) -> Status:
+def car_status(sta: CarSta, t_s: float, heartbeat_count: int, free_ram: int) -> Status:
     ready = sta.state not in (CarState.BOOT, CarState.FAULT)
     detail = f"free_ram={free_ram} battery_mv={sta.battery_mv}"
-    return Status(t_s, CarState(sta.state).name, error_code(sta.error), free_ram // 1024, ready, beats, detail)
+    return Status(
+        t_s, CarState(sta.state).name, error_code(sta.error), free_ram // 1024, ready, heartbeat_count, detail
+    )
 
 
 def drive_line(command: DriveCommand) -> Drv:

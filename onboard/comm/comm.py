@@ -44,7 +44,7 @@ class TokenBus(Protocol):
 
 
 @dataclass(slots=True)
-class _Beat:
+class _Heartbeat:
     count: int = -1
     seen_s: float = float("-inf")
 
@@ -70,7 +70,7 @@ class Comm:
         self._stops = stops or StopKeeper(None)
         self._outbox = outbox
         self._watchdog: WatchdogState | None = None
-        self._beats: dict[str, _Beat] = {}
+        self._heartbeats: dict[str, _Heartbeat] = {}
         self._permit: Permit | None = None
         self._permit_due_s = float("-inf")
         self._new_challenge = new_challenge
@@ -120,13 +120,13 @@ class Comm:
 
     def _read(self, bus: Bus, module: str, now_s: float, tokens: frozenset[str] | None) -> ModuleReading:
         status = bus.latest(STATUS[module])
-        beat = self._beats.setdefault(module, _Beat())
-        if status is not None and status.beats != beat.count:
-            beat.count, beat.seen_s = status.beats, now_s
+        heartbeat = self._heartbeats.setdefault(module, _Heartbeat())
+        if status is not None and status.heartbeat_count != heartbeat.count:
+            heartbeat.count, heartbeat.seen_s = status.heartbeat_count, now_s
         return ModuleReading(
             token=tokens is None or module in tokens,
             status_age_s=bus.age_s(STATUS[module]),
-            beat_age_s=now_s - beat.seen_s,
+            heartbeat_age_s=now_s - heartbeat.seen_s,
             ready=status is not None and status.ready and status.valid,
             state=status.state if status is not None else "nothing heard",
         )

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from common.bus import Bus
 from common.disk_worker import DiskError, DiskWorker
-from common.frames import Frame, Known, Losses, add_loss, remember
 from common.messages import LOG, OUTBOX, RECEIPT, ROBOT_RECORDED, STATUS
-from onboard.comm.last_words import LastWords
+from common.recording import Known, Losses, RecordedMessage, add_loss, remember
+from onboard.comm.crash_buffer import CrashBuffer
 from onboard.comm.outbox_sender import OutboxSender
 from onboard.comm.outbox_store import RAM_BYTES, OutboxStore, Turn, open_store
 
@@ -46,10 +46,10 @@ class Outbox:
         self._store: OutboxStore = open_store(file, new_id)
         self._limit_bytes = min(limit_bytes, RAM_BYTES // 2) if self._store.in_memory else limit_bytes
         self._disk: DiskWorker[Turn] = DiskWorker("outbox", at_once=new_id is not None)
-        self._tapped = False
-        self._last_words = LastWords(_RECORDER_KEYS)
+        self._records = False
+        self._crash_buffer = CrashBuffer(_RECORDER_KEYS)
         self._heard: Known = dict(self._store.heard)
-        self._waiting: list[Frame] = []  # not known to be on the disk
+        self._waiting: list[RecordedMessage] = []  # not known to be on the disk
         self._waiting_bytes = 0
         self._dropped: Losses = {}
         self._handed: tuple[int, Losses] = (0, {})  # how many of those that wait, and what was dropped, the disk has
@@ -73,9 +73,9 @@ class Outbox:
         return self._stored_bytes > self._limit_bytes or not self._disk_works
 
     def step(self, bus: Bus, now_s: float) -> None:
-        if not self._tapped:
-            bus.tap((*ROBOT_RECORDED, *_OF_RECORDER), self._heard)
-            self._tapped = True
+        if not self._records:
+            bus.record((*ROBOT_RECORDED, *_OF_RECORDER), self._heard)
+            self._records = True
         self._collect(bus)
         self._look_at_disk(now_s)
         self._hear_receipts(bus, now_s)
@@ -99,25 +99,25 @@ class Outbox:
         if self._waiting_bytes > WAITING_BYTES_MAX:
             return
         thinning = self.thinning
-        for frame in bus.take_frames():
-            source = (frame.key, frame.boot_id)
-            if frame.key in _RECORDER_KEYS:
-                self._wait(self._last_words.hear(frame))
+        for message in bus.take_recorded():
+            source = (message.key, message.boot_id)
+            if message.key in _RECORDER_KEYS:
+                self._wait(self._crash_buffer.add(message))
                 continue
-            remember(self._heard, source, frame.sequence)
-            if thinning and frame.key in _THINNED and frame.sequence % THINNED_TO:
-                add_loss(self._dropped, source, frame.sequence, frame.sequence)
+            remember(self._heard, source, message.sequence)
+            if thinning and message.key in _THINNED and message.sequence % THINNED_TO:
+                add_loss(self._dropped, source, message.sequence, message.sequence)
                 continue
-            self._wait([frame])
+            self._wait([message])
         for source, (first, last) in bus.take_lost().items():
             if source[0] in _RECORDER_KEYS:
                 continue
             _log.warning("messages were lost before the outbox topic=%s first=%d last=%d", source[0], first, last)
             add_loss(self._dropped, source, first, last)
 
-    def _wait(self, frames: list[Frame]) -> None:
-        self._waiting += frames
-        self._waiting_bytes += sum(len(frame.data) for frame in frames)
+    def _wait(self, messages: list[RecordedMessage]) -> None:
+        self._waiting += messages
+        self._waiting_bytes += sum(len(message.data) for message in messages)
 
     def _look_at_disk(self, now_s: float) -> None:
         outcome = self._disk.outcome()
@@ -152,7 +152,7 @@ class Outbox:
     def _forget_saved(self) -> None:
         count, dropped = self._handed
         self._handed = (0, {})
-        self._waiting_bytes -= sum(len(frame.data) for frame in self._waiting[:count])
+        self._waiting_bytes -= sum(len(message.data) for message in self._waiting[:count])
         del self._waiting[:count]
         self._dropped = {source: span for source, span in self._dropped.items() if dropped.get(source) != span}
 
@@ -172,7 +172,7 @@ class Outbox:
             return
         self._save_due_s, self._next_rows_due = now_s + ROW_PERIOD_S, False
         # A disk with little space takes some, where it would take nothing of all
-        ends = accumulate(len(frame.data) for frame in self._waiting)
+        ends = accumulate(len(message.data) for message in self._waiting)
         within = sum(1 for _ in takewhile(lambda end: end <= SAVE_BYTES_MAX, ends))
         count = min(max(within, 1), len(self._waiting))
         self._handed = (count, dict(self._dropped))
@@ -181,6 +181,6 @@ class Outbox:
 
     def _work(self, count: int) -> Callable[[], Turn]:
         """What there is to do for the disk, as of now, with so many of the messages that wait."""
-        frames, dropped, heard = self._waiting[:count], dict(self._dropped), dict(self._heard)
+        messages, dropped, heard = self._waiting[:count], dict(self._dropped), dict(self._heard)
         life, acknowledged, load = self._sender.outbox_id, self._sender.acknowledged, self._sender.rows is None
-        return lambda: self._store.turn(frames, dropped, heard, life, acknowledged, load)
+        return lambda: self._store.turn(messages, dropped, heard, life, acknowledged, load)

@@ -20,7 +20,7 @@ from pathlib import Path
 import msgpack
 
 from common.database import DatabaseFiles, damaged, transaction
-from common.frames import Frame, Known, Losses
+from common.recording import Known, Losses, RecordedMessage
 
 LOAD_BYTES = 256_000  # of rows that go to the recorder together
 ROW_BYTES = 64_000  # a row ends where it passes this; a single message may be longer
@@ -55,22 +55,22 @@ class Turn:
     refused: sqlite3.Error | None = None  # why nothing that came was stored
 
 
-def pack_row(frames: Sequence[Frame], dropped: Losses) -> bytes:
+def pack_row(messages: Sequence[RecordedMessage], dropped: Losses) -> bytes:
     """One row: messages as [topic, boot id, sequence, bytes], losses as [topic, boot id, first, last]."""
-    messages = [[f.key, f.boot_id, f.sequence, f.data] for f in frames]
-    packed: bytes = msgpack.packb([messages, [[*source, *span] for source, span in dropped.items()]])
+    fields = [[m.key, m.boot_id, m.sequence, m.data] for m in messages]
+    packed: bytes = msgpack.packb([fields, [[*source, *span] for source, span in dropped.items()]])
     return packed
 
 
-def cut_into_rows(frames: Sequence[Frame]) -> list[list[Frame]]:
-    rows: list[list[Frame]] = [[]]
+def cut_into_rows(messages: Sequence[RecordedMessage]) -> list[list[RecordedMessage]]:
+    rows: list[list[RecordedMessage]] = [[]]
     size = 0
-    for frame in frames:
-        if rows[-1] and size + len(frame.data) > ROW_BYTES:
+    for message in messages:
+        if rows[-1] and size + len(message.data) > ROW_BYTES:
             rows.append([])
             size = 0
-        rows[-1].append(frame)
-        size += len(frame.data)
+        rows[-1].append(message)
+        size += len(message.data)
     return rows
 
 
@@ -92,7 +92,13 @@ class OutboxStore:
         return Turn(self.outbox_id, self._stored_bytes, self._first(self._database or self._open()))
 
     def turn(
-        self, frames: Sequence[Frame], dropped: Losses, heard: Known, outbox_id: int, acknowledged: int, load: bool
+        self,
+        messages: Sequence[RecordedMessage],
+        dropped: Losses,
+        heard: Known,
+        outbox_id: int,
+        acknowledged: int,
+        load: bool,
     ) -> Turn:
         """Stores what came, all or nothing, removes all rows before `acknowledged`, and `load`s what is first now.
 
@@ -100,14 +106,14 @@ class OutboxStore:
         life begins with what came.
         """
         try:
-            return self._turn(frames, dropped, heard, outbox_id, acknowledged, load)
+            return self._turn(messages, dropped, heard, outbox_id, acknowledged, load)
         except sqlite3.DatabaseError as error:
             if self._file is None or not damaged(error):
                 raise
             _log.error("outbox is damaged, another begins error=%s", error)
             self.close()
             _put_aside(self._file)
-        return self._turn(frames, dropped, heard, outbox_id, acknowledged, load)
+        return self._turn(messages, dropped, heard, outbox_id, acknowledged, load)
 
     def close(self) -> None:
         database, self._database = self._database, None
@@ -147,7 +153,13 @@ class OutboxStore:
         return database
 
     def _turn(
-        self, frames: Sequence[Frame], dropped: Losses, heard: Known, outbox_id: int, acknowledged: int, load: bool
+        self,
+        messages: Sequence[RecordedMessage],
+        dropped: Losses,
+        heard: Known,
+        outbox_id: int,
+        acknowledged: int,
+        load: bool,
     ) -> Turn:
         database = self._database or self._open()
         load = load or outbox_id != self.outbox_id
@@ -156,7 +168,7 @@ class OutboxStore:
         try:
             with transaction(database):
                 removed_bytes = self._remove(database, acknowledged)
-                added_bytes = self._store(database, frames, dropped)
+                added_bytes = self._store(database, messages, dropped)
                 self._write_heard(database, heard)
             self._stored_bytes += added_bytes - removed_bytes
             self.heard = heard
@@ -177,10 +189,10 @@ class OutboxStore:
         database.execute("DELETE FROM rows WHERE number < ?", (acknowledged,))
         return int(removed_bytes)
 
-    def _store(self, database: sqlite3.Connection, frames: Sequence[Frame], dropped: Losses) -> int:
-        if not frames and not dropped:
+    def _store(self, database: sqlite3.Connection, messages: Sequence[RecordedMessage], dropped: Losses) -> int:
+        if not messages and not dropped:
             return 0
-        packed = [pack_row(row, dropped if i == 0 else {}) for i, row in enumerate(cut_into_rows(frames))]
+        packed = [pack_row(row, dropped if i == 0 else {}) for i, row in enumerate(cut_into_rows(messages))]
         database.executemany("INSERT INTO rows (data) VALUES (?)", [(row,) for row in packed])
         return sum(map(len, packed))
 

@@ -1,7 +1,8 @@
 """Which required module is missing, and may the robot move as far as the modules go (CM_MR_02)? Pure.
 
-A module is sound while its Zenoh token is up (its process runs), its status is fresh and its beats advance (its own
-loop runs), and it says that it is ready. The first fault revokes; all sound for WATCHDOG_CLEAR_S grants again.
+A module is sound while its Zenoh token is up (its process runs), its status is fresh and its heartbeat count advances
+(its own loop runs), and it reports that it is ready. The first fault revokes; all sound for WATCHDOG_CLEAR_S grants
+again.
 
 The specification's Watch Dog Timer: `fault_of` is what its `trigger_timer` asks, and its `interrupt` is the permit that
 `Comm` withdraws, since whoever holds none stands.
@@ -24,7 +25,7 @@ class ModuleReading:
 
     token: bool
     status_age_s: float
-    beat_age_s: float
+    heartbeat_age_s: float
     ready: bool
     state: str = ""
 
@@ -49,7 +50,7 @@ def fault_of(module: str, reading: ModuleReading) -> str | None:
         return f"{module} is not running"
     if reading.status_age_s > STATUS_AGE_MAX_S:
         return f"{module} is silent"
-    if reading.beat_age_s > STATUS_AGE_MAX_S:
+    if reading.heartbeat_age_s > STATUS_AGE_MAX_S:
         return f"the loop of {module} stands still"
     if not reading.ready:
         return f"{module} is not ready ({reading.state})"

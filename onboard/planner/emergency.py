@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from common.constants import (
-    HULL_RADIUS_M,
+    FOOTPRINT_RADIUS_M,
     PLANNER_CLEARANCE_M,
     SONAR_BEARINGS_RAD,
     SONAR_FRONT,
@@ -49,7 +49,7 @@ def nearest_ahead(ranges_m: tuple[float, ...]) -> tuple[float, float]:
     `ranges_m` (5) from the ring's centre, NaN = no echo.
     """
     return min(
-        ((ranges_m[i] - HULL_RADIUS_M, SONAR_BEARINGS_RAD[i]) for i in AHEAD if ranges_m[i] == ranges_m[i]),
+        ((ranges_m[i] - FOOTPRINT_RADIUS_M, SONAR_BEARINGS_RAD[i]) for i in AHEAD if ranges_m[i] == ranges_m[i]),
         default=(float("inf"), 0.0),
     )
 

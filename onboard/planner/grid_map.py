@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from common.constants import HULL_RADIUS_M, PLANNER_CLEARANCE_M
+from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M
 from common.geometry import Points
 from common.messages import GridUpdate
 
 UNKNOWN, FREE, WALL = 0, 1, 2
 CLEARANCE_MAX_CELLS = 16
 LINE_STEPS_MAX = 20_000  # over a kilometre; from one end of any floor to the other
-STAND_CLEARANCE_M = HULL_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
+STAND_CLEARANCE_M = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
 OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not a way
 SLIVER_PASSES = 4  # closes holes of up to 0.7 m between rays
 FRONTIER_NEIGHBOURS_MIN = 4  # frontier cells within 0.2 m, itself included

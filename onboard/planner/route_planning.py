@@ -8,13 +8,13 @@ from math import sqrt
 
 import numpy as np
 
-from common.constants import HULL_RADIUS_M
+from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import Pose2
 from onboard.planner.grid_map import FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
 
 COMFORT_M = 0.8  # nearer to a wall than this a way costs more
 COMFORT_WEIGHT = 3.0
-TIGHT_CLEARANCE_M = HULL_RADIUS_M + 0.04
+TIGHT_CLEARANCE_M = FOOTPRINT_RADIUS_M + 0.04
 TIGHT_PRICE = 12.0
 START_RADIUS_CELLS = 4  # around the robot every free cell may be stood on: it stands there
 _NEIGHBOURS = [(i, j, sqrt(i * i + j * j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]

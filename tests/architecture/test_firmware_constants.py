@@ -24,5 +24,11 @@ def test_firmware_has_the_same_number(name: str, value: str, expression: str) ->
 
 def test_firmware_copies_the_numbers_that_both_sides_rely_on() -> None:
     copied = " ".join(expression for _, _, expression in COPIES)
-    for name in ("HULL_RADIUS_M", "WHEEL_TRACK_M", "ENCODER_TICKS_PER_TURN", "SPEED_LIMIT_M_S", "HEARTBEAT_TIMEOUT_S"):
+    for name in (
+        "FOOTPRINT_RADIUS_M",
+        "WHEEL_TRACK_M",
+        "ENCODER_TICKS_PER_TURN",
+        "SPEED_LIMIT_M_S",
+        "HEARTBEAT_TIMEOUT_S",
+    ):
         assert re.search(rf"\b{name}\b", copied), name

@@ -19,9 +19,9 @@ from common import messages as m
 from common.bus import LocalBus, LocalMesh
 from common.codec import encode
 from common.config import CommSection, PoiSection
-from common.frames import Frame, Losses, Tap
 from common.messages import TOPICS, Topic
 from common.node import Node
+from common.recording import Losses, RecordedMessage, RecordingSubscriber
 from common.zenoh_inbox import Reader
 from offboard.command_center import log_book, mini_map
 from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
@@ -60,31 +60,31 @@ class WireBus(LocalBus):
     def __init__(self, mesh: LocalMesh, name: str) -> None:
         super().__init__(mesh, name, boot_id=1)
         self.mesh, self.reader = mesh, Reader()
-        self._tap: Tap | None = None
+        self._recording: RecordingSubscriber | None = None
         self._newest: dict[str, bytes] = {}
 
     def hear(self, topic: Topic[Any], data: bytes) -> None:
-        if self._tap is not None and topic.key in self.tapped:
-            self._tap.store(topic.key, data)
+        if self._recording is not None and topic.key in self.recorded_keys:
+            self._recording.store(topic.key, data)
             self._newest[topic.key] = data
         envelope = self.reader.read(topic, data)
         if envelope is not None:
             self._receive(topic, envelope.payload)
 
-    def tap(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
-        self.tapped = {topic.key for topic in topics}
-        self._tap = Tap(self.tapped, (), known, self._answer, lambda: self.mesh.now_s)
+    def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
+        self.recorded_keys = {topic.key for topic in topics}
+        self._recording = RecordingSubscriber(self.recorded_keys, (), known, self._answer, lambda: self.mesh.now_s)
 
     def _answer(self, key: str, asked: bytes) -> None:
         """Its producer has the newest message only."""
-        if self._tap is not None and key in self._newest:
-            self._tap.answer(key, msgpack.packb([self._newest[key]]))
+        if self._recording is not None and key in self._newest:
+            self._recording.answer(key, msgpack.packb([self._newest[key]]))
 
-    def take_frames(self) -> list[Frame]:
-        return self._tap.frames() if self._tap is not None else []
+    def take_recorded(self) -> list[RecordedMessage]:
+        return self._recording.messages() if self._recording is not None else []
 
     def take_lost(self) -> Losses:
-        return self._tap.take_lost() if self._tap is not None else {}
+        return self._recording.take_lost() if self._recording is not None else {}
 
 
 @dataclass
@@ -235,8 +235,8 @@ def recorder(bus: WireBus) -> Stage:
     def wrap(heard: list[tuple[str, bytes]]) -> None:
         nonlocal row
         row += 1
-        frames = [Frame(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(heard)]
-        rows = msgpack.packb([[row, pack_row(frames, {})]])
+        messages = [RecordedMessage(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(heard)]
+        rows = msgpack.packb([[row, pack_row(messages, {})]])
         for at in range(0, len(rows), PIECE_BYTES):
             piece = m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
             bus.hear(m.OUTBOX, encode(piece, 1, BOOT_ID))

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from common.constants import HULL_RADIUS_M, REVERSE_MAX_M
+from common.constants import FOOTPRINT_RADIUS_M, REVERSE_MAX_M
 from common.errors import StartError
 from common.geometry import wrap_angle
 from common.messages import (
@@ -115,7 +115,7 @@ def test_robot_stops_in_front_of_a_person_and_goes_on_when_they_are_gone(
         nonlocal nearest_m
         for x_m, y_m, radius_m in world.people:
             away_m = hypot(world.truth.x_m - x_m, world.truth.y_m - y_m)
-            nearest_m = min(nearest_m, away_m - radius_m - HULL_RADIUS_M)
+            nearest_m = min(nearest_m, away_m - radius_m - FOOTPRINT_RADIUS_M)
 
     story.start()
     story.run(comes_s - story.now_s + 0.5, keep_watch)

@@ -11,7 +11,7 @@ import zenoh
 from common.codec import CODEC_VERSION, encode
 from common.config import Config
 from common.messages import Status
-from common.zenoh_session import Way, session_config
+from common.zenoh_session import Channel, session_config
 
 
 def junk() -> list[bytes]:
@@ -27,7 +27,7 @@ def huge() -> list[bytes]:
 
 def throw(config: Config, payloads: list[bytes], keys: Iterable[str]) -> None:
     """Each payload at each topic, once."""
-    with zenoh.open(session_config(Way("client", connect=(config.mesh.router,)))) as stranger:
+    with zenoh.open(session_config(Channel("client", connect=(config.mesh.router,)))) as stranger:
         for key in keys:
             for payload in payloads:
                 stranger.put(f"{config.robot.name}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)

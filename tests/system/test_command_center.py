@@ -18,7 +18,7 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import Config, load_config
-from common.messages import AT_ONCE, CARRIER, ODOMETRY, STATUS, TOPICS, Operation, Stance, Status, Topic
+from common.messages import AT_ONCE, CARRIER, ODOMETRY, STATUS, TOPICS, Operation, QosProfile, Status, Topic
 from common.zenoh_bus import ZenohBus
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Look
@@ -28,7 +28,7 @@ from tests.system.conftest import ROOT, Mesh, children_of, environment, local_ru
 pytestmark = pytest.mark.timeout(120)
 SPAN_S = 3.0
 # What does not wait for a change
-PERIODIC = [topic for topic in TOPICS if topic.rate_hz and topic.stance is not Stance.STATE]
+PERIODIC = [topic for topic in TOPICS if topic.rate_hz and topic.qos is not QosProfile.STATE]
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_it_shows_every_module_stops_the_robot_and_fills_itself_again_after_a_re
             assert rate_hz <= 1.1 * topic.rate_hz or topic.note == AT_ONCE, f"{topic.key} comes at {rate_hz:.1f} Hz"
             if topic.payload is Status:
                 assert all(report.state and report.memory_kb > 0 for report in messages), topic.key
-                assert all(b.beats > a.beats for a, b in pairwise(messages)), topic.key
+                assert all(b.heartbeat_count > a.heartbeat_count for a, b in pairwise(messages)), topic.key
         until(lambda: center.node.snapshot().pose is not None and len(center.node.floor_picture().walls_m), 60.0, "map")
 
         carrier = center.bus.latest(CARRIER)

@@ -20,8 +20,8 @@ import pytest
 from common.clock import FreeClock
 from common.config import load_config
 from common.errors import ErrorCode
-from common.frames import MESSAGE_BYTES_MAX
 from common.messages import LAPTOP_RECORDED, POSE, ROBOT_RECORDED, STATUS, TOPICS
+from common.recording import MESSAGE_BYTES_MAX
 from common.zenoh_bus import ZenohBus
 from deploy.bench.relay import Relay
 from offboard.recorder.run_database import RunReader
@@ -117,11 +117,11 @@ class Witness:
     def __init__(self, config_file: Path) -> None:
         self.heard: Said = {}
         self._bus = ZenohBus("witness", load_config(config_file), FreeClock())
-        self._bus.tap((*ROBOT_RECORDED, *LAPTOP_RECORDED), {})
+        self._bus.record((*ROBOT_RECORDED, *LAPTOP_RECORDED), {})
 
     def listen(self) -> None:
-        for frame in self._bus.take_frames():
-            self.heard[frame.key, frame.boot_id] = frame.sequence
+        for message in self._bus.take_recorded():
+            self.heard[message.key, message.boot_id] = message.sequence
 
     def close(self) -> None:
         self._bus.close()

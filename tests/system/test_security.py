@@ -37,7 +37,7 @@ from common.messages import (
     StopRequest,
     Topic,
 )
-from common.zenoh_session import Way, direct, session_config
+from common.zenoh_session import Channel, direct, session_config
 from offboard.command_center.log_book import LogEntry
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import SOURCE
@@ -50,7 +50,7 @@ pytestmark = pytest.mark.timeout(60)
 FLOOD_S = 1.5
 LATER = datetime.now(UTC) + timedelta(days=1)
 HOSTS = {"robot": ["127.0.0.1"]}
-Sealed = tuple[str, bytes, bytes | None]  # key, message, seal
+Signed = tuple[str, bytes, bytes | None]  # key, message, signature
 
 
 class KeyedMesh(Mesh):
@@ -78,8 +78,8 @@ class KeyedMesh(Mesh):
         self.start_all()
         self._center = Center(self.config)
 
-    def by_tls(self, keys: Path) -> Way:
-        return Way("client", connect=(self.config.mesh.robot,), keys=keys)
+    def by_tls(self, keys: Path) -> Channel:
+        return Channel("client", connect=(self.config.mesh.robot,), keys=keys)
 
     def keyed(self, topic: Topic[object]) -> str:
         return f"{self.config.robot.name}/{topic.key}"
@@ -151,7 +151,7 @@ def keyed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[KeyedMesh]:
         yield made
 
 
-def orders(mesh: KeyedMesh) -> list[Sealed]:
+def orders(mesh: KeyedMesh) -> list[Signed]:
     """All that could set the robot going, from a sender without the command key."""
     sequence, boot_id, epoch = 1_000_000, 4711, mesh.permits[-1][1].stop_epoch
     wanted = (
@@ -167,10 +167,10 @@ def no_right(speaker: str, topic: Topic[Any]) -> str:
     return f"a message was refused: it has no right to it {speaker} topic={topic.key}"
 
 
-def put_all(session: zenoh.Session, messages: list[Sealed]) -> Callable[[], None]:
+def put_all(session: zenoh.Session, messages: list[Signed]) -> Callable[[], None]:
     def send() -> None:
-        for key, data, sealed in messages:
-            session.put(key, data, attachment=sealed)
+        for key, data, signature in messages:
+            session.put(key, data, attachment=signature)
 
     return send
 
@@ -269,8 +269,8 @@ def own_address() -> str:
 
 def test_a_viewer_that_waits_to_be_found_is_not_connected_to_and_moves_nothing(keyed: KeyedMesh) -> None:
     keyed.stop()
-    way = replace(keyed.by_tls(keyed.keys / "viewer"), mode="peer", listen=(f"tcp/{own_address()}:0",))
-    config = session_config(way)
+    channel = replace(keyed.by_tls(keyed.keys / "viewer"), mode="peer", listen=(f"tcp/{own_address()}:0",))
+    config = session_config(channel)
     config.insert_json5("scouting/gossip/enabled", "true")
     # What it could reach of a board's loopback from this very machine, it could not from another
     config.insert_json5("scouting/gossip/autoconnect", '{"peer": []}')
@@ -305,21 +305,24 @@ def test_an_unsigned_release_is_refused_even_with_the_right_certificate_and_on_t
 ) -> None:
     keyed.stop()
     commands = orders(keyed)[:2]
-    for way in (keyed.by_tls(keyed.keys / "command_center"), Way("client", connect=(keyed.config.mesh.router,))):
-        with zenoh.open(session_config(way)) as session:
+    for channel in (
+        keyed.by_tls(keyed.keys / "command_center"),
+        Channel("client", connect=(keyed.config.mesh.router,)),
+    ):
+        with zenoh.open(session_config(channel)) as session:
             assert keyed.withstands(put_all(session, commands))
         for module, topic in (("comm", STOP), ("bridge", STOP), ("planner", OPERATION)):
             keyed.await_complaints(f"a command was refused: it is not signed topic={topic.key}", by=module)
 
 
 @pytest.fixture
-def recorded(keyed: KeyedMesh) -> list[Sealed]:
+def recorded(keyed: KeyedMesh) -> list[Signed]:
     """Release and resume as the rightful command center sent them a moment ago; the robot is stopped again."""
-    heard: dict[tuple[str, bool], Sealed] = {}
+    heard: dict[tuple[str, bool], Signed] = {}
 
     def keep(sample: zenoh.Sample) -> None:
-        seal = bytes(sample.attachment) if sample.attachment is not None else None
-        heard[str(sample.key_expr), seal is not None] = (str(sample.key_expr), bytes(sample.payload), seal)
+        signature = bytes(sample.attachment) if sample.attachment is not None else None
+        heard[str(sample.key_expr), signature is not None] = (str(sample.key_expr), bytes(sample.payload), signature)
 
     def a_stop_was_heard() -> bool:
         keyed.go()
@@ -338,7 +341,7 @@ def recorded(keyed: KeyedMesh) -> list[Sealed]:
     return [heard[command] for command in wanted]
 
 
-def test_a_recorded_release_that_is_sent_again_does_nothing(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
+def test_a_recorded_release_that_is_sent_again_does_nothing(keyed: KeyedMesh, recorded: list[Signed]) -> None:
     with zenoh.open(session_config(keyed.by_tls(keyed.keys / "command_center"))) as thief:
         assert keyed.withstands(put_all(thief, recorded))
     for module, topic in (("comm", STOP), ("planner", OPERATION)):
@@ -346,7 +349,7 @@ def test_a_recorded_release_that_is_sent_again_does_nothing(keyed: KeyedMesh, re
         keyed.await_complaints(text, by=module)
 
 
-def test_a_planner_that_was_started_anew_obeys_no_recorded_command(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
+def test_a_planner_that_was_started_anew_obeys_no_recorded_command(keyed: KeyedMesh, recorded: list[Signed]) -> None:
     keyed.processes["planner"].kill()
     keyed.processes["planner"].wait()
     keyed.start("planner")
@@ -357,8 +360,8 @@ def test_a_planner_that_was_started_anew_obeys_no_recorded_command(keyed: KeyedM
     keyed.go()
 
 
-def test_a_release_relayed_through_the_laptops_router_does_nothing(keyed: KeyedMesh, recorded: list[Sealed]) -> None:
-    with zenoh.open(session_config(Way("client", connect=(keyed.config.mesh.laptop_router,)))) as relayed:
+def test_a_release_relayed_through_the_laptops_router_does_nothing(keyed: KeyedMesh, recorded: list[Signed]) -> None:
+    with zenoh.open(session_config(Channel("client", connect=(keyed.config.mesh.laptop_router,)))) as relayed:
         assert keyed.withstands(put_all(relayed, [*orders(keyed), *recorded]))
     keyed.await_complaints(no_right("from=loopback", STOP), no_right("from=loopback", OPERATION), by="recorder")
     # And by a router that relays whatever it is told

@@ -17,7 +17,6 @@ import numpy as np
 from common.bus import LocalMesh
 from common.codec import decode
 from common.errors import ErrorCode
-from common.frames import Frame
 from common.messages import (
     CARRIER,
     LOG,
@@ -44,6 +43,7 @@ from common.messages import (
     StopRequest,
     Topic,
 )
+from common.recording import RecordedMessage
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.command_center import CommandCenter
 
@@ -65,8 +65,8 @@ def piloted(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 class Wire(LocalMesh):
     """What arrives has been bytes: it is as the codec lets it in."""
 
-    def deliver(self, topic: Topic[Any], payload: Any, frame: Frame) -> None:
-        super().deliver(topic, decode(frame.data, topic.payload).payload, frame)
+    def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage) -> None:
+        super().deliver(topic, decode(message.data, topic.payload).payload, message)
 
 
 class Rig:

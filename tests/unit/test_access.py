@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from common.access import ROLES, asked_keys, heard_keys, laptop_rules, robot_rules, role_of, said_keys
-from common.messages import OPERATION, ROBOT_SENDERS, STOP, TOPICS, Stance
+from common.access import ROLES, laptop_rules, published_keys, queried_keys, robot_rules, role_of, subscribed_keys
+from common.messages import OPERATION, ROBOT_SENDERS, STOP, TOPICS, QosProfile
 
 COMMANDS = {STOP.key, OPERATION.key}
 
@@ -16,7 +16,7 @@ COMMANDS = {STOP.key, OPERATION.key}
 def test_only_the_command_center_says_commands() -> None:
     assert {topic.key for topic in TOPICS if topic.is_command} == COMMANDS
     for role in ROLES:
-        said = COMMANDS & set(said_keys(role))
+        said = COMMANDS & set(published_keys(role))
         assert said == (COMMANDS if role == "command_center" else set()), role
 
 
@@ -24,39 +24,42 @@ def test_every_topic_that_crosses_a_link_is_said_by_one_role_and_heard_by_its_co
     for topic in TOPICS:
         if topic.producer == "clock":
             continue
-        sayers = [role for role in ROLES if topic.key in said_keys(role)]
+        sayers = [role for role in ROLES if topic.key in published_keys(role)]
         assert len(sayers) == 1, topic.key
         for consumer in topic.consumers:
             role = role_of(consumer)
-            assert role in sayers or any(fnmatch(topic.key, key) for key in heard_keys(role)), (topic.key, consumer)
+            assert role in sayers or any(fnmatch(topic.key, key) for key in subscribed_keys(role)), (
+                topic.key,
+                consumer,
+            )
 
 
 def test_a_viewer_says_nothing_and_a_board_hears_only_what_it_reads() -> None:
-    assert said_keys("viewer") == []
-    assert "command_center/operation" not in heard_keys("pi")
-    assert "mmu/pose" in heard_keys("pi")
+    assert published_keys("viewer") == []
+    assert "command_center/operation" not in subscribed_keys("pi")
+    assert "mmu/pose" in subscribed_keys("pi")
 
 
 def test_tokens_are_said_by_their_own_role_only() -> None:
     for module in ROBOT_SENDERS:
-        assert [role for role in ROLES if f"{module}/alive" in said_keys(role)] == [
+        assert [role for role in ROLES if f"{module}/alive" in published_keys(role)] == [
             "pi" if module == "poi" else "robot"
         ]
 
 
 def test_only_who_reads_a_state_or_records_may_ask_for_what_was_said() -> None:
-    states = {topic.key for topic in TOPICS if topic.stance is Stance.STATE}
-    assert asked_keys("viewer") == []
-    assert asked_keys("pi") == ["mmu/map", "mmu/grid"]
-    assert set(asked_keys("command_center")) == states - {"mmu/grid"}
-    assert states | COMMANDS <= set(asked_keys("laptop"))
-    assert "mmu/pose" not in asked_keys("laptop")
+    states = {topic.key for topic in TOPICS if topic.qos is QosProfile.STATE}
+    assert queried_keys("viewer") == []
+    assert queried_keys("pi") == ["mmu/map", "mmu/grid"]
+    assert set(queried_keys("command_center")) == states - {"mmu/grid"}
+    assert states | COMMANDS <= set(queried_keys("laptop"))
+    assert "mmu/pose" not in queried_keys("laptop")
 
 
 def test_every_key_that_may_be_heard_is_one_topic() -> None:
     """Of subscriptions with a name each nobody can make more than there are topics."""
     for role in ROLES:
-        wild = [key for key in heard_keys(role) if "*" in key]
+        wild = [key for key in subscribed_keys(role) if "*" in key]
         assert wild == ([] if role == "viewer" else ["*/alive"])
 
 

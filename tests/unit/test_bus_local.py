@@ -107,10 +107,10 @@ def test_fresh_but_invalid_input_is_not_trusted(sender: LocalBus, receiver: Loca
 def test_what_nobody_would_take_is_not_published_and_the_sender_says_so(
     sender: LocalBus, receiver: LocalBus, caplog: pytest.LogCaptureFixture
 ) -> None:
-    receiver.tap([DISTANCES], {})
+    receiver.record([DISTANCES], {})
     for left_m in (1.0, inf, -inf, 2.0):
         sender.publish(DISTANCES, Distances(1.0, left_m, 2.0, 3.0))
-    assert [frame.sequence for frame in receiver.take_frames()] == [1, 2], "no number is used up"
+    assert [message.sequence for message in receiver.take_recorded()] == [1, 2], "no number is used up"
     assert receiver.latest(DISTANCES) == Distances(1.0, 2.0, 2.0, 3.0)
     assert caplog.messages == [
         "not published topic=bridge/distances error=field 'left_m' must not be inf count=1",

@@ -11,7 +11,7 @@ from common.clock import SILENT_S, TICK_S, WINDOW_S, Announcements, FollowerCloc
 
 def test_a_late_follower_holds_the_clock_after_the_window() -> None:
     table = FollowerTable()
-    table.heard("mmu", 1.0)
+    table.receive_ack("mmu", 1.0)
     assert not table.holds(1.0 + WINDOW_S, wall_s=10.0)
     assert table.holds(1.0 + WINDOW_S + 0.001, wall_s=10.0)
     assert WINDOW_S <= 0.1
@@ -19,18 +19,18 @@ def test_a_late_follower_holds_the_clock_after_the_window() -> None:
 
 def test_a_silent_follower_is_dropped_until_it_speaks_again() -> None:
     table = FollowerTable()
-    table.heard("mmu", 1.0)
+    table.receive_ack("mmu", 1.0)
     assert table.holds(1.2, wall_s=10.0)
     assert table.holds(1.2, wall_s=10.0 + SILENT_S - 0.01)
     assert not table.holds(1.2, wall_s=10.0 + SILENT_S)
     assert not table.holds(5.0, wall_s=20.0)
-    table.heard("mmu", 5.0)
+    table.receive_ack("mmu", 5.0)
     assert table.holds(5.2, wall_s=20.0)
 
 
 def test_a_follower_with_a_long_period_is_not_silent_before_it_owes_an_answer() -> None:
     table = FollowerTable()
-    table.heard("recorder", 1.0)
+    table.receive_ack("recorder", 1.0)
     assert not table.holds(1.0, wall_s=100.0)
     assert table.holds(1.1, wall_s=100.0)
 

@@ -242,7 +242,7 @@ def test_numbers_of_numpy_and_members_of_enums_travel_as_what_they_are() -> None
 
 
 def test_missing_field_takes_its_default() -> None:
-    body = {"t_s": 1.0, "state": "idle", "error_code": 0, "memory_kb": 1, "ready": True, "beats": 2}
+    body = {"t_s": 1.0, "state": "idle", "error_code": 0, "memory_kb": 1, "ready": True, "heartbeat_count": 2}
     assert decode(message(body), Status).payload == Status(1.0, "idle", 0, 1, True, 2, detail="", valid=True)
 
 

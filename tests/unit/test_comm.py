@@ -37,7 +37,7 @@ from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 from onboard.comm.watchdog import ModuleReading, WatchdogState, fault_of, watch
 
-SOUND = ModuleReading(token=True, status_age_s=0.05, beat_age_s=0.05, ready=True, state="RUN")
+SOUND = ModuleReading(token=True, status_age_s=0.05, heartbeat_age_s=0.05, ready=True, state="RUN")
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ SOUND = ModuleReading(token=True, status_age_s=0.05, beat_age_s=0.05, ready=True
         ({"token": False}, "not running"),
         ({"status_age_s": 0.21}, "silent"),
         ({"status_age_s": float("inf")}, "silent"),
-        ({"beat_age_s": 0.21}, "stands still"),
+        ({"heartbeat_age_s": 0.21}, "stands still"),
         ({"ready": False}, "not ready (RUN)"),
     ],
 )
@@ -109,7 +109,7 @@ class Bench:
         self.comm = Comm(self.settings, self.stops, new_challenge=new_challenge)
         self.comm_bus = self.mesh.endpoint("comm")
         self.silent: set[str] = set()
-        self.beats = 0
+        self.heartbeat_count = 0
         self.permits: list[tuple[float, Permit]] = []
         self.bridge_epoch = bridge_epoch
         self.button_pressed = False
@@ -120,9 +120,9 @@ class Bench:
         while self.mesh.now_s < end_s - 1e-9:
             self.mesh.now_s = round(self.mesh.now_s + 0.02, 6)
             if round(self.mesh.now_s / 0.02) % 5 == 0:
-                self.beats += 1
+                self.heartbeat_count += 1
                 for module in set(self.settings.required) - self.silent:
-                    self.bus.publish(STATUS[module], Status(self.mesh.now_s, "RUN", 0, 0, True, self.beats))
+                    self.bus.publish(STATUS[module], Status(self.mesh.now_s, "RUN", 0, 0, True, self.heartbeat_count))
                 self._report()
             self.comm.step(self.comm_bus, self.mesh.now_s)
             self.permits += [(self.mesh.now_s, p) for p in self.bus.take(PERMIT)]

@@ -19,7 +19,7 @@ import pytest
 
 from common.config import Config, config_text, load_config, parse_config
 from common.errors import StartError, sentence
-from common.zenoh_session import main_way
+from common.zenoh_session import main_channel
 from deploy import cli
 from deploy.cli import main
 from offboard.recorder import run_database
@@ -74,7 +74,7 @@ def use(config: Config) -> None:
     assert len(config.sonars.bearings_rad) == 5
     assert config.wheels.tick_m > 0
     if not config.mesh.keys:
-        main_way("mmu", "peer", config)
+        main_channel("mmu", "peer", config)
 
 
 def attempt(load: Callable[[], T], file: Path) -> T | None:

@@ -8,7 +8,7 @@ from math import inf, pi
 import numpy as np
 import pytest
 
-from common.constants import HULL_RADIUS_M
+from common.constants import FOOTPRINT_RADIUS_M
 from onboard.mmu.map.occupancy import CELL_M, FREE, UNKNOWN, WALL, OccupancyGrid
 
 START = np.array([[0.05, 0.05]])
@@ -90,7 +90,7 @@ def test_where_the_robot_stood_is_no_wall() -> None:
     grid.add_walls(np.repeat(START, 5, axis=0), np.zeros(5))
     grid.add_hull(START)
     for angle in np.arange(0.0, 2 * pi, pi / 4):
-        reach_m = HULL_RADIUS_M - CELL_M / 2
+        reach_m = FOOTPRINT_RADIUS_M - CELL_M / 2
         assert at(grid, 0.05 + reach_m * float(np.cos(angle)), 0.05 + reach_m * float(np.sin(angle))) == FREE
 
 

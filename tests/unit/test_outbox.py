@@ -10,7 +10,6 @@ import pytest
 
 from common.bus import LocalMesh
 from common.errors import ErrorCode
-from common.frames import KNOWN_BOOTS
 from common.messages import (
     LOG,
     OUTBOX,
@@ -23,6 +22,7 @@ from common.messages import (
     OutboxReceipt,
     Status,
 )
+from common.recording import KNOWN_BOOTS
 from offboard.recorder.recorder import Recorder
 from onboard.comm import outbox, outbox_store
 from onboard.comm.outbox import ROW_PERIOD_S, THINNED_TO
@@ -342,7 +342,7 @@ def test_a_full_disk_of_the_robot_fills_its_memory_only_so_far(link: Link, monke
     database.execute(f"PRAGMA max_page_count = {pages}")
     link.connected = False
     link.run(60.0, link.say)
-    assert 20_000 < sum(len(frame.data) for frame in link.outbox._waiting) < 21_000
+    assert 20_000 < sum(len(message.data) for message in link.outbox._waiting) < 21_000
 
 
 def test_an_outbox_that_is_damaged_while_it_is_open_is_put_aside_and_another_begins(link: Link) -> None:

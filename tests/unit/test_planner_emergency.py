@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.constants import HULL_RADIUS_M, PLANNER_CLEARANCE_M
+from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M
 from common.messages import Speed
 from onboard.planner.emergency import BACK_OFF_S, BLOCKED_S, Emergency, Phase, nearest_ahead, stopping_m, watch
 
@@ -102,7 +102,7 @@ def test_what_stands_beside_the_robot_is_not_ahead() -> None:
 
 def test_nearest_ahead_tells_distance_from_the_hull_and_side() -> None:
     distance_m, bearing_rad = nearest_ahead((1.0, 0.5, 0.9, nan, 1.0))
-    assert distance_m == pytest.approx(0.5 - HULL_RADIUS_M)
+    assert distance_m == pytest.approx(0.5 - FOOTPRINT_RADIUS_M)
     assert bearing_rad == pytest.approx(radians(45.0))
 
 
@@ -111,7 +111,7 @@ def test_silence_is_no_obstacle() -> None:
 
 
 def test_the_faster_the_farther_off_it_stops() -> None:
-    ranges_m = (nan, nan, HULL_RADIUS_M + 0.30, nan, nan)
+    ranges_m = (nan, nan, FOOTPRINT_RADIUS_M + 0.30, nan, nan)
     assert watch(Emergency(), 1.0, Speed.MEDIUM, ranges_m, 0.16)[0].phase is Phase.CLEAR
     assert watch(Emergency(), 1.0, Speed.HIGH, ranges_m, 0.30)[0].phase is Phase.STOPPED
 

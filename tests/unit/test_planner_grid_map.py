@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.constants import HULL_RADIUS_M
+from common.constants import FOOTPRINT_RADIUS_M
 from common.messages import GridUpdate
 from onboard.planner.grid_map import FREE, UNKNOWN, WALL, GridError, GridMap
 
@@ -98,7 +98,7 @@ def test_the_hull_stands_nowhere_that_it_would_touch() -> None:
     walls = grid.centres(np.argwhere(grid.cells == WALL))
     for place in grid.centres(standable)[::7]:
         to_face_m = np.hypot(*(walls - place).T).min() - CELL_M / 2
-        assert to_face_m > HULL_RADIUS_M
+        assert to_face_m > FOOTPRINT_RADIUS_M
 
 
 def test_end_that_nobody_has_seen_is_frontier_and_a_closed_one_is_not() -> None:

@@ -8,7 +8,7 @@ from math import hypot
 import numpy as np
 import pytest
 
-from common.constants import HULL_RADIUS_M
+from common.constants import FOOTPRINT_RADIUS_M
 from onboard.planner.grid_map import Cell, GridMap, Mask
 from onboard.planner.route_planning import (
     TIGHT_CLEARANCE_M,
@@ -64,7 +64,7 @@ def test_a_way_along_a_hall_keeps_to_its_middle() -> None:
 @pytest.mark.requirement("PLN_MR_03")
 def test_no_way_leads_through_a_gap_narrower_than_the_hull() -> None:
     gap_m = 0.4
-    assert gap_m < 2 * HULL_RADIUS_M
+    assert gap_m < 2 * FOOTPRINT_RADIUS_M
     assert path(two_rooms(gap_m), (2.0, 3.0), (8.0, 3.0)) is None
 
 
@@ -172,7 +172,7 @@ def test_string_pulling_leaves_few_legs_and_keeps_the_clearance() -> None:
     assert way[-1] == grid.centre(cells[-1])
     assert len(way) <= 8
     for a, b in pairwise(way):
-        assert straight_is_clear(grid, a, b, HULL_RADIUS_M)
+        assert straight_is_clear(grid, a, b, FOOTPRINT_RADIUS_M)
     length_m = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(way))
     assert 6.0 < length_m < 8.0
 

@@ -13,10 +13,10 @@ from typing import Any
 import msgpack
 import pytest
 
-from common import frames
+from common import recording
 from common.bus import LocalBus, LocalMesh
-from common.frames import Frame, Losses, RecentMessages, Tap, asked_after
 from common.messages import OUTBOX, POI, POSE, RECEIPT, STATUS, PointOfInterest, PoseEstimate, Status, Topic
+from common.recording import Losses, RecentMessages, RecordedMessage, RecordingSubscriber, requested_after
 from offboard.recorder.recorder import Recorder
 from offboard.recorder.run_database import RunReader
 from onboard.comm.outbox import Outbox
@@ -34,20 +34,20 @@ class Senders:
         self.said: set[Message] = set()
         self._recent: dict[tuple[str, int], RecentMessages] = {}
         self._ear = mesh.endpoint("ear")
-        self._ear.tap(SAID, {})
+        self._ear.record(SAID, {})
 
     def listen(self) -> None:
-        for frame in self._ear.take_frames():
-            self.said.add((frame.key, frame.boot_id, frame.sequence))
-            recent = self._recent.setdefault((frame.key, frame.boot_id), RecentMessages())
-            recent.append(frame.sequence, frame.data)
+        for message in self._ear.take_recorded():
+            self.said.add((message.key, message.boot_id, message.sequence))
+            recent = self._recent.setdefault((message.key, message.boot_id), RecentMessages())
+            recent.append(message.sequence, message.data)
 
     def die(self, keys: Iterable[str]) -> None:
         self._recent = {source: recent for source, recent in self._recent.items() if source[0] not in keys}
 
     def answers(self, key: str, asked: bytes) -> list[bytes]:
         asked_for = [(boot_id, recent) for (topic, boot_id), recent in self._recent.items() if topic == key]
-        return [msgpack.packb(recent.after(asked_after(asked, boot_id))) for boot_id, recent in asked_for]
+        return [msgpack.packb(recent.after(requested_after(asked, boot_id))) for boot_id, recent in asked_for]
 
     def kept(self) -> set[Message]:
         """All but the oldest, which makes way for the next message before anybody can ask."""
@@ -55,25 +55,27 @@ class Senders:
         return {(*source, number) for source, kept in numbers.items() for number in kept[-RECENT_COUNT + 1 :]}
 
 
-class TappedBus(LocalBus):
+class RecordingBus(LocalBus):
     """comm's end, where what is missing is asked for as between processes."""
 
     def __init__(self, mesh: LocalMesh, senders: Senders) -> None:
         super().__init__(mesh, "comm", 1)
         mesh._endpoints.append(self)
         self._clock, self._senders = mesh, senders
-        self._order: Tap | None = None
+        self._order: RecordingSubscriber | None = None
 
-    def tap(self, topics: Iterable[Topic[object]], known: Mapping[tuple[str, int], int]) -> None:
-        super().tap(topics, known)
-        self._order = Tap(sorted(self.tapped), self.tapped, known, self._ask, lambda: self._clock.now_s)
+    def record(self, topics: Iterable[Topic[object]], known: Mapping[tuple[str, int], int]) -> None:
+        super().record(topics, known)
+        self._order = RecordingSubscriber(
+            sorted(self.recorded_keys), self.recorded_keys, known, self._ask, lambda: self._clock.now_s
+        )
 
-    def take_frames(self) -> list[Frame]:
+    def take_recorded(self) -> list[RecordedMessage]:
         if self._order is None:
             return []
-        for frame in super().take_frames():
-            self._order.store(frame.key, frame.data)
-        return self._order.frames()
+        for message in super().take_recorded():
+            self._order.store(message.key, message.data)
+        return self._order.messages()
 
     def take_lost(self) -> Losses:
         return self._order.take_lost() if self._order is not None else {}
@@ -106,7 +108,7 @@ class World:
     def start_robot(self) -> None:
         self._lives += 1
         self.mmu = self.mesh.endpoint(f"mmu {self._lives}")
-        self.comm = TappedBus(self.mesh, self.senders)
+        self.comm = RecordingBus(self.mesh, self.senders)
         self.outbox = Outbox(self.robot_dir / "outbox.sqlite", 10_000_000, new_id=100 + self._lives)
         self.never_sync(self.outbox._store._database)
 
@@ -167,7 +169,7 @@ class World:
             self.far_mesh._endpoints.remove(self.laptop)
             self.run_dir = folder
         # What any disk holds now, or somebody who lives on remembers, must not get lost any more
-        in_memory = {(frame.key, frame.boot_id, frame.sequence) for frame in self.outbox._waiting}
+        in_memory = {(message.key, message.boot_id, message.sequence) for message in self.outbox._waiting}
         kept = in_outbox(self.robot_dir) | (self.senders.kept() if robot else in_memory)
         # But what a laptop had acknowledged, nobody else need have
         kept = (kept - stored) | in_database(self.run_dir)
@@ -180,7 +182,7 @@ class World:
     def _restore(self, file: Path, folder: Path, *, unsynced: bool) -> None:
         shutil.copy(file, folder)
         wal = file.with_name(f"{file.name}-wal").read_bytes()
-        # A commit that the medium did not take is cut off, and all after it: the frames of a WAL are a chain
+        # A commit that the medium did not take is cut off, and all after it: the messages of a WAL are a chain
         taken = self.chance.randint(0, len(wal)) if unsynced else len(wal)
         (folder / f"{file.name}-wal").write_bytes(wal[:taken])
 
@@ -203,7 +205,7 @@ def everything(file: Path, columns: str, table: str) -> list[tuple[Any, ...]]:
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> World:
-    monkeypatch.setattr(frames, "RECENT_COUNT", RECENT_COUNT)
+    monkeypatch.setattr(recording, "RECENT_COUNT", RECENT_COUNT)
     return World(tmp_path, request.param)
 
 

@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.codec import CODEC_VERSION, DecodeError, decode, encode, read_header
-from common.frames import Frame
 from common.messages import LOG, PLAN, POI, POSE, STATUS, TOPICS, LogLine, PointOfInterest, PoseEstimate, Status
+from common.recording import RecordedMessage
 from deploy.cli import main
 from offboard.recorder.run_database import RunReader
 from offboard.recorder.run_schema import SCHEMA_VERSION, Delivery, RunDatabase, RunDatabaseError
@@ -27,8 +27,8 @@ def pose(t_s: float) -> PoseEstimate:
     return PoseEstimate(t_s, t_s, 0.0, 0.0, 0.0, 0.01, 0.01, 1)
 
 
-def frame(topic: Any, sequence: int, payload: Any, boot_id: int = 1) -> Frame:
-    return Frame(topic.key, boot_id, sequence, encode(payload, sequence, boot_id))
+def message(topic: Any, sequence: int, payload: Any, boot_id: int = 1) -> RecordedMessage:
+    return RecordedMessage(topic.key, boot_id, sequence, encode(payload, sequence, boot_id))
 
 
 @pytest.fixture
@@ -36,28 +36,28 @@ def database(tmp_path: Path) -> RunDatabase:
     return RunDatabase(tmp_path / "run.sqlite", "2026-01-02T03:04:05+00:00", recorder_id=7)
 
 
-def store(database: RunDatabase, *frames: Frame) -> int:
-    return len(database.store_data(Delivery(1.0, list(frames))).stored)
+def store(database: RunDatabase, *messages: RecordedMessage) -> int:
+    return len(database.store_data(Delivery(1.0, list(messages))).stored)
 
 
 def test_a_message_that_is_there_is_not_stored_again(database: RunDatabase, tmp_path: Path) -> None:
-    first = frame(POSE, 1, pose(1.0))
+    first = message(POSE, 1, pose(1.0))
     assert store(database, first, first) == 1
-    assert store(database, first, frame(POSE, 1, pose(5.0), boot_id=2)) == 1
+    assert store(database, first, message(POSE, 1, pose(5.0), boot_id=2)) == 1
     with RunReader(tmp_path) as run:
         assert [m.payload.t_s for m in run.messages(POSE)] == [1.0, 5.0]
         assert run.senders() == {(POSE.key, 1): (1, 1), (POSE.key, 2): (1, 1)}
 
 
 def test_messages_are_read_by_time_and_onwards_from_a_row(database: RunDatabase, tmp_path: Path) -> None:
-    store(database, *(frame(POSE, k, pose(float(k))) for k in range(1, 11)))
+    store(database, *(message(POSE, k, pose(float(k))) for k in range(1, 11)))
     with RunReader(tmp_path) as run:
         assert [m.sequence for m in run.messages(POSE, since_s=3.0, until_s=5.0)] == [3, 4, 5]
         seen = run.latest(POSE)
         assert seen is not None
         assert seen.sequence == 10
         assert list(run.display_data(after_row=seen.row)) == []
-        store(database, frame(POSE, 11, pose(11.0)))
+        store(database, message(POSE, 11, pose(11.0)))
         assert [m.as_text("comm") for m in run.display_data(seen.row)] == [
             "MMU_CM_11000_11.000,0.000,0.000,0.000,0.010,0.010,1"
         ]
@@ -68,7 +68,7 @@ def test_log_lines_are_found_by_module_level_and_text(database: RunDatabase, tmp
     for k, (module, level, text) in enumerate(
         [("mmu", "INFO", "started"), ("mmu", "WARNING", "Late"), ("comm", "INFO", "late too"), ("mmu", "INFO", "x")], 1
     ):
-        store(database, frame(LOG[module], k, LogLine(float(k), level, text)))
+        store(database, message(LOG[module], k, LogLine(float(k), level, text)))
     with RunReader(tmp_path) as run:
         assert [entry.line.text for entry in run.logs()] == ["started", "Late", "late too", "x"]
         assert [entry.line.text for entry in run.logs("mmu", limit=2)] == ["Late", "x"]
@@ -78,7 +78,7 @@ def test_log_lines_are_found_by_module_level_and_text(database: RunDatabase, tmp
 
 def test_status_history_can_be_read_by_its_changes(database: RunDatabase, tmp_path: Path) -> None:
     for k, state in enumerate(["RUN", "RUN", "LATE", "LATE", "RUN"], 1):
-        store(database, frame(STATUS["mmu"], k, Status(float(k), state, 0, 1, True, k)))
+        store(database, message(STATUS["mmu"], k, Status(float(k), state, 0, 1, True, k)))
     with RunReader(tmp_path) as run:
         assert len(list(run.statuses("mmu"))) == 5
         assert [m.payload.t_s for m in run.statuses("mmu", changes_only=True)] == [1.0, 3.0, 5.0]
@@ -90,14 +90,16 @@ def test_points_of_interest_are_the_newest_with_their_photos(database: RunDataba
 
     photo = bytes(range(256)) * 100
     for k, record in enumerate([door(1, "", photo), door(2, "7", b"p"), door(1, "12", b"")], 1):
-        store(database, frame(POI, k, record))
+        store(database, message(POI, k, record))
     with RunReader(tmp_path) as run:
         assert [(poi.poi_id, poi.number, poi.photo_jpeg) for poi in run.pois()] == [(1, "12", photo), (2, "7", b"p")]
 
 
 def test_another_version_is_stored_and_named_but_not_given_as_a_message(database: RunDatabase, tmp_path: Path) -> None:
     later = msgpack.packb([CODEC_VERSION + 1, 1, 1, {}])
-    result = database.store_data(Delivery(1.0, [Frame(POSE.key, 1, 1, later), Frame("mmu/unheard", 1, 1, later)]))
+    result = database.store_data(
+        Delivery(1.0, [RecordedMessage(POSE.key, 1, 1, later), RecordedMessage("mmu/unheard", 1, 1, later)])
+    )
     assert "codec version" in result.problems[POSE.key]
     with RunReader(tmp_path) as run:
         assert list(run.messages(POSE)) == []

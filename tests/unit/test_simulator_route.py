@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from common.constants import HULL_RADIUS_M
+from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import FloatArray
 from offboard.simulator.floor import Floor, load_floor, wall_segments
 from offboard.simulator.options import floor_path, own_floors
@@ -23,7 +23,7 @@ def test_the_way_keeps_off_the_walls_and_comes_back(name: str) -> None:
     floor = load_floor(floor_path(name))
     way = way_of(floor)
     walls = wall_segments(floor)
-    assert min(distances_m(walls, x, y).min() for x, y in way) > HULL_RADIUS_M + 0.05
+    assert min(distances_m(walls, x, y).min() for x, y in way) > FOOTPRINT_RADIUS_M + 0.05
     assert np.hypot(*(way[0] - way[-1])) < 0.15
     assert np.hypot(*np.diff(way, axis=0).T).max() < 0.15
 

@@ -34,7 +34,7 @@ from common.messages import (
     StopRequest,
 )
 from common.zenoh_bus import LOST_S, ZenohBus
-from common.zenoh_session import Way, session_config
+from common.zenoh_session import Channel, session_config
 
 pytestmark = pytest.mark.timeout(30)
 
@@ -74,8 +74,8 @@ def open_bus(config: Config) -> Iterator[Open]:
         bus.close()
 
 
-def status(beats: int) -> Status:
-    return Status(0.0, "RUN", 0, 1, True, beats)
+def status(count: int) -> Status:
+    return Status(0.0, "RUN", 0, 1, True, count)
 
 
 def pose() -> PoseEstimate:
@@ -115,12 +115,12 @@ def test_take_gives_everything_once_and_in_order(open_bus: Open) -> None:
         return receiver.latest(STATUS["mmu"]) is not None
 
     until(linked)
-    for beats in range(1, 101):
-        sender.publish(STATUS["mmu"], status(beats))
+    for count in range(1, 101):
+        sender.publish(STATUS["mmu"], status(count))
     got: list[int] = []
 
     def all_there() -> bool:
-        got.extend(s.beats for s in receiver.take(STATUS["mmu"]))
+        got.extend(s.heartbeat_count for s in receiver.take(STATUS["mmu"]))
         return bool(got) and got[-1] == 100
 
     until(all_there)
@@ -279,11 +279,11 @@ def test_everybody_who_obeys_or_watches_hears_an_operation_of_the_command_center
 def test_peers_keep_each_other_when_the_router_goes(open_bus: Open) -> None:
     comm, mmu, planner = open_bus("comm", "router"), open_bus("mmu"), open_bus("planner")
 
-    def heard(beats: int) -> Callable[[], bool]:
+    def heard(count: int) -> Callable[[], bool]:
         def condition() -> bool:
-            mmu.publish(STATUS["mmu"], status(beats))
+            mmu.publish(STATUS["mmu"], status(count))
             newest = planner.latest(STATUS["mmu"])
-            return newest is not None and newest.beats == beats
+            return newest is not None and newest.heartbeat_count == count
 
         return condition
 
@@ -334,7 +334,7 @@ def test_bytes_that_are_no_message_are_counted_and_do_not_look_fresh(open_bus: O
     open_bus("comm", "router")
     planner = open_bus("planner")
     planner.latest(POSE)
-    with zenoh.open(session_config(Way("client", connect=(config.mesh.router,)))) as stranger:
+    with zenoh.open(session_config(Channel("client", connect=(config.mesh.router,)))) as stranger:
 
         def counted() -> bool:
             stranger.put(f"{config.robot.name}/{POSE.key}", b"\xc1 no message")
@@ -371,12 +371,12 @@ def test_what_was_announced_is_waited_for_and_what_is_lost_is_not_waited_for_lon
         return receiver.latest(STATUS["mmu"]) is not None
 
     until(linked)
-    for beats in range(1, 50):
-        sender.publish(STATUS["mmu"], status(beats))
+    for count in range(1, 50):
+        sender.publish(STATUS["mmu"], status(count))
         sender.publish(POSE, pose())
         expected.merge(sender.announced.take())
         receiver.await_messages(expected, threading.Event())
-        assert receiver._inboxes[STATUS["mmu"].key].newest == status(beats)
+        assert receiver._inboxes[STATUS["mmu"].key].newest == status(count)
     boot_id = next(iter(receiver._inboxes[STATUS["mmu"].key].sequences))
     expected.note(STATUS["mmu"].key, boot_id, 1_000_000)
     began_s = time.monotonic()

@@ -25,7 +25,7 @@ def judged(act: str, key: str, verdict: str = "unauthorized", subject: str = KNO
 def told(caplog: pytest.LogCaptureFixture, *pieces: str, now_s: float = 0.0) -> list[str]:
     log = ZenohLog()
     for piece in pieces:
-        log.hear(piece, now_s)
+        log.receive(piece, now_s)
     return caplog.messages
 
 
@@ -67,7 +67,7 @@ def test_lines_may_be_cut_anywhere(caplog: pytest.LogCaptureFixture) -> None:
 
 @given(text=st.text())
 def test_whatever_is_written_there_does_no_harm(text: str) -> None:
-    ZenohLog().hear(text + "\n", 0.0)
+    ZenohLog().receive(text + "\n", 0.0)
 
 
 def test_the_same_complaint_is_due_once_a_second_with_all_that_came() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from common.config import Config, MeshSection
 from common.errors import StartError
-from common.zenoh_session import NEIGHBOURS, Mode, Way, command_way, main_way
+from common.zenoh_session import NEIGHBOURS, Channel, Mode, command_channel, main_channel
 
 certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
 ROUTER, LAPTOP_ROUTER = MeshSection().router, MeshSection().laptop_router
@@ -28,15 +28,15 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> Config:
 
 def test_without_keys_all_join_the_router_of_comm_on_loopback() -> None:
     config = Config()
-    comm, recorder = main_way("comm", "router", config), main_way("recorder", "router", config)
+    comm, recorder = main_channel("comm", "router", config), main_channel("recorder", "router", config)
     assert (comm.listen, comm.connect) == ((ROUTER,), ())
     assert (recorder.listen, recorder.connect) == ((LAPTOP_ROUTER,), (ROUTER,))
     for module in MODULES:
-        way = main_way(module, "peer", config)
+        way = main_channel(module, "peer", config)
         assert (way.mode, way.connect[0]) == ("peer", ROUTER)
-        assert (command_way(module, "peer", config) is not None) == (module in ("bridge", "command_center"))
-    assert main_way("command_center", "client", config).connect == (ROUTER,)
-    ways = [comm, recorder, *(main_way(module, "peer", config) for module in MODULES)]
+        assert (command_channel(module, "peer", config) is not None) == (module in ("bridge", "command_center"))
+    assert main_channel("command_center", "client", config).connect == (ROUTER,)
+    ways = [comm, recorder, *(main_channel(module, "peer", config) for module in MODULES)]
     assert all(way.keys is None and way.rules is None for way in ways)
 
 
@@ -46,14 +46,14 @@ def port_of(endpoint: str) -> str:
 
 def test_of_two_peers_just_one_connects_to_the_other_and_all_of_it_stays_on_loopback() -> None:
     config = Config()
-    sessions = {module: main_way(module, "peer", config) for module in (*MODULES, "stranger")}
-    commands = [command_way(module, "peer", config) for module in ("bridge", "command_center")]
+    sessions = {module: main_channel(module, "peer", config) for module in (*MODULES, "stranger")}
+    commands = [command_channel(module, "peer", config) for module in ("bridge", "command_center")]
     ways = [*sessions.values(), *(way for way in commands if way is not None)]
     for way in ways:
         assert all(endpoint.startswith("tcp/127.0.0.") for endpoint in (*way.listen, *way.connect))
         assert {port_of(endpoint) for endpoint in (*way.listen, *way.connect)} == {port_of(ROUTER)}
 
-    def connects(way: Way, other: Way) -> bool:
+    def connects(way: Channel, other: Channel) -> bool:
         return bool(set(way.connect) & set(other.listen))
 
     listening = [way for way in ways if way.listen]
@@ -64,7 +64,7 @@ def test_of_two_peers_just_one_connects_to_the_other_and_all_of_it_stays_on_loop
 
 def test_meshes_with_routers_of_their_own_share_no_address() -> None:
     ways = [
-        main_way(module, "peer", Config(mesh=MeshSection(router)))
+        main_channel(module, "peer", Config(mesh=MeshSection(router)))
         for router in (ROUTER, LAPTOP_ROUTER)
         for module in ("bridge", "mmu")
     ]
@@ -86,7 +86,7 @@ def test_meshes_with_routers_of_their_own_share_no_address() -> None:
 def test_over_several_machines_the_certificate_is_shown_where_a_link_leaves_one(
     several: Config, module: str, mode: Mode, connect: tuple[str, ...], role: str | None
 ) -> None:
-    way = main_way(module, mode, several)
+    way = main_channel(module, mode, several)
     assert way.connect == connect
     assert (way.keys.name if way.keys is not None else None) == role
     assert not any(endpoint.startswith("tls/") for endpoint in (*way.listen, *way.connect)) or role is not None
@@ -95,23 +95,23 @@ def test_over_several_machines_the_certificate_is_shown_where_a_link_leaves_one(
 
 
 def test_commands_go_straight_to_the_robot(several: Config) -> None:
-    way = command_way("command_center", "peer", several)
+    way = command_channel("command_center", "peer", several)
     assert way is not None
     assert way.connect == (ROBOT,)
     assert way.listen == ()
     assert way.keys is not None
     assert way.keys.name == "command_center"
-    bridge = command_way("bridge", "peer", several)
+    bridge = command_channel("bridge", "peer", several)
     assert bridge is not None
     assert bridge.connect == (ROUTER,)
     assert bridge.listen == ("tcp/127.0.0.2:7447",)
 
 
 def test_comm_listens_on_loopback_and_for_the_other_machines(several: Config) -> None:
-    assert main_way("comm", "router", several).listen == (ROUTER, LISTEN)
+    assert main_channel("comm", "router", several).listen == (ROUTER, LISTEN)
 
 
 def test_a_machine_without_its_keys_says_so(tmp_path: Path) -> None:
     config = Config(mesh=MeshSection(robot=ROBOT, keys=str(tmp_path)))
     with pytest.raises(StartError, match="copy the folder laptop here"):
-        main_way("recorder", "router", config)
+        main_channel("recorder", "router", config)

@@ -7,7 +7,7 @@
 namespace config {
 
 // Body
-static const int32_t kHullRadius_mm = 220;           // = HULL_RADIUS_M * 1000
+static const int32_t kHullRadius_mm = 220;           // = FOOTPRINT_RADIUS_M * 1000
 static const int32_t kSonarRingRadius_mm = 70;       // = SONAR_RING_RADIUS_M * 1000
 static const int32_t kWheelTrack_mm = 300;           // = WHEEL_TRACK_M * 1000
 static const int32_t kWheelDiameter_um = 66000;      // = WHEEL_DIAMETER_M * 1e6

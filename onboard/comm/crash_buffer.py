@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
-from common.frames import Frame
+from common.recording import RecordedMessage
 
 KEPT = 64  # per topic; more than a recorder says between two transactions
 
 
-class LastWords:
+class CrashBuffer:
     def __init__(self, keys: Iterable[str]) -> None:
-        self._kept: dict[str, deque[Frame]] = {key: deque(maxlen=KEPT) for key in keys}
+        self._kept: dict[str, deque[RecordedMessage]] = {key: deque(maxlen=KEPT) for key in keys}
 
-    def hear(self, frame: Frame) -> list[Frame]:
+    def add(self, message: RecordedMessage) -> list[RecordedMessage]:
         """Keeps a message; when its sender has been started anew, what it had said before its end."""
-        kept = self._kept[frame.key]
-        orphans: list[Frame] = []
-        if kept and kept[-1].boot_id != frame.boot_id:
+        kept = self._kept[message.key]
+        orphans: list[RecordedMessage] = []
+        if kept and kept[-1].boot_id != message.boot_id:
             orphans = list(kept)
             kept.clear()
-        kept.append(frame)
+        kept.append(message)
         return orphans

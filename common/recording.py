@@ -1,7 +1,8 @@
 """Messages as bytes, on their way into the run database: in order and once, with nothing missing that can be had.
 
-A producer keeps its newest messages (`RecentMessages`). Who records (`Tap`: comm on the robot, recorder on the laptop)
-knows by boot id and sequence number what it has not heard and asks the producer for it, also after its own restart.
+A producer keeps its newest messages (`RecentMessages`). Who records (`RecordingSubscriber`: comm on the robot,
+recorder on the laptop) knows by boot id and sequence number what it has not received, and requests that from the
+producer, also after its own restart.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ RECENT_BYTES = 1_000_000  # of each topic: three maps of a kilometre's drive
 MESSAGE_BYTES_MAX = 16_000_000  # no message of ours is longer; a longer one is dropped unseen
 QUESTION_BYTES_MAX = 4096  # KNOWN_BOOTS of them need a sixth of it
 ANSWER_COUNT_MAX = 100_000  # messages in one answer: two a second for half a day
-TAP_LENGTH = 4096  # messages that may wait for the node's thread
+RECORDING_LENGTH = 4096  # messages that may wait for the node's thread
 KNOWN_BOOTS = 32  # restarts per topic that are remembered
 HELD_MAX = 1024
-_ASK_PAUSE_S = 0.3
+_REQUEST_PAUSE_S = 0.3
 _AUDIT_PERIOD_S = 5.0
 _GIVE_UP_S = 10.0  # wall time; a producer that has not answered until then is gone, and what it had with it
 
@@ -34,7 +35,7 @@ Losses = dict[tuple[str, int], tuple[int, int]]  # topic key and boot id -> from
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class RecordedMessage:
     """One message as it travelled, with what its envelope says."""
 
     key: str
@@ -82,10 +83,10 @@ class RecentMessages:
 @dataclass(slots=True)
 class _Gap:
     since_s: float
-    held: dict[int, Frame]  # what came from behind the gap
+    held: dict[int, RecordedMessage]  # what came from behind the gap
 
 
-class FrameOrder:
+class MessageOrder:
     """Frames as they come -> each once and in order per topic and boot id. Pure; wall time is given."""
 
     def __init__(self, known: Mapping[tuple[str, int], int]) -> None:
@@ -93,30 +94,30 @@ class FrameOrder:
         self._gaps: dict[tuple[str, int], _Gap] = {}
         self._lost: Losses = {}
 
-    def add(self, frame: Frame, now_s: float) -> list[Frame]:
-        """What is in order now; a frame from behind a gap is held until the gap is filled or given up."""
-        source = (frame.key, frame.boot_id)
+    def add(self, message: RecordedMessage, now_s: float) -> list[RecordedMessage]:
+        """What is in order now; a message from behind a gap is held until the gap is filled or given up."""
+        source = (message.key, message.boot_id)
         newest = self.known.get(source, 0)
-        if frame.sequence <= newest:
+        if message.sequence <= newest:
             return []
         gap = self._gaps.get(source)
-        if gap is None and frame.sequence == newest + 1:
-            remember(self.known, source, frame.sequence)
-            return [frame]
+        if gap is None and message.sequence == newest + 1:
+            remember(self.known, source, message.sequence)
+            return [message]
         if gap is None:
             gap = self._gaps[source] = _Gap(now_s, {})
-        gap.held[frame.sequence] = frame
+        gap.held[message.sequence] = message
         return self._drain(source, gap, max(gap.held) if len(gap.held) > HELD_MAX else 0)
 
-    def cannot_be_had(self, source: tuple[str, int], up_to: int) -> list[Frame]:
+    def cannot_be_had(self, source: tuple[str, int], up_to: int) -> list[RecordedMessage]:
         """The producer has told all it still had up to a sequence number: what is missing before it is lost."""
         gap = self._gaps.get(source)
         return self._drain(source, gap, up_to) if gap is not None else []
 
-    def give_up(self, now_s: float) -> list[Frame]:
+    def give_up(self, now_s: float) -> list[RecordedMessage]:
         """What is held behind gaps that nobody has filled for long."""
         old = [(source, gap) for source, gap in self._gaps.items() if now_s - gap.since_s > _GIVE_UP_S]
-        return [frame for source, gap in old for frame in self._drain(source, gap, max(gap.held))]
+        return [message for source, gap in old for message in self._drain(source, gap, max(gap.held))]
 
     def topics_with_gaps(self) -> set[str]:
         return {key for key, _ in self._gaps}
@@ -129,30 +130,30 @@ class FrameOrder:
         lost, self._lost = self._lost, {}
         return lost
 
-    def _drain(self, source: tuple[str, int], gap: _Gap, up_to: int) -> list[Frame]:
-        frames = []
+    def _drain(self, source: tuple[str, int], gap: _Gap, up_to: int) -> list[RecordedMessage]:
+        messages = []
         newest = self.known.get(source, 0)
         for sequence in sorted(gap.held):
             if sequence > newest + 1:
                 if sequence > up_to:
                     break
                 add_loss(self._lost, source, newest + 1, sequence - 1)
-            frames.append(gap.held.pop(sequence))
+            messages.append(gap.held.pop(sequence))
             newest = sequence
-        if frames:
+        if messages:
             remember(self.known, source, newest)
         if not gap.held:
             del self._gaps[source]
-        return frames
+        return messages
 
 
-Ask = Callable[[str, bytes], None]
+Request = Callable[[str, bytes], None]
 
 
-class Tap:
+class RecordingSubscriber:
     """Every message of some topics. `store` and `answer` are called by the bus's threads, the rest by the node's.
 
-    `ask(key, question)` sends the question, `RecentMessages` answer it; the answers come to `answer`.
+    `request(key, question)` sends the question, `RecentMessages` answer it; the answers come to `answer`.
     """
 
     def __init__(
@@ -160,19 +161,19 @@ class Tap:
         keys: Iterable[str],
         on_event: Iterable[str],
         known: Mapping[tuple[str, int], int],
-        ask: Ask,
+        request: Request,
         wall_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """`on_event`: the keys where no next message may come for long that would show a gap."""
         self._no_messages = Undecodable("no message")
         self.bad = self._no_messages.counts  # by topic key
-        self._order = FrameOrder(known)
-        self._ask = ask
+        self._order = MessageOrder(known)
+        self._request = request
         self._wall_s = wall_s
         self._keys, self._on_event = tuple(keys), frozenset(on_event)
-        self._came: deque[tuple[str, bytes]] = deque(maxlen=TAP_LENGTH)
+        self._came: deque[tuple[str, bytes]] = deque(maxlen=RECORDING_LENGTH)
         self._answers: deque[tuple[str, bytes]] = deque()
-        self._asked_s = dict.fromkeys(self._keys, float("-inf"))
+        self._requested_s = dict.fromkeys(self._keys, float("-inf"))
         self._audit_due_s = float("-inf")
         self._all_due = threading.Event()
         self._all_due.set()
@@ -183,76 +184,76 @@ class Tap:
     def answer(self, key: str, pack: bytes) -> None:
         self._answers.append((key, pack))
 
-    def ask_all(self) -> None:
+    def request_all(self) -> None:
         """A producer has come, or come back: it may have said something meanwhile."""
         self._all_due.set()
 
-    def frames(self) -> list[Frame]:
+    def messages(self) -> list[RecordedMessage]:
         """What came since the last call; asks for what is missing."""
         now_s = self._wall_s()
-        frames: list[Frame] = []
+        messages: list[RecordedMessage] = []
         while self._came:
-            frame = self._frame(*self._came.popleft())
-            if frame is not None:
-                frames += self._order.add(frame, now_s)
+            message = self._message(*self._came.popleft())
+            if message is not None:
+                messages += self._order.add(message, now_s)
         while self._answers:
-            frames += self._fill(*self._answers.popleft(), now_s)
-        frames += self._order.give_up(now_s)
-        self._ask_for_missing(now_s)
-        return frames
+            messages += self._fill(*self._answers.popleft(), now_s)
+        messages += self._order.give_up(now_s)
+        self._request_missing(now_s)
+        return messages
 
     def take_lost(self) -> Losses:
         return self._order.take_lost()
 
-    def _frame(self, key: str, data: bytes) -> Frame | None:
+    def _message(self, key: str, data: bytes) -> RecordedMessage | None:
         try:
             sequence, boot_id = read_header(data)
         except DecodeError as error:
             self.count_bad(key, str(error))
             return None
-        return Frame(key, boot_id, sequence, data)
+        return RecordedMessage(key, boot_id, sequence, data)
 
     def count_bad(self, key: str, problem: str) -> None:
         """What came is no message at all, so no database can hold it under its number."""
         self._no_messages.count(key, problem)
 
-    def _fill(self, key: str, pack: bytes, now_s: float) -> list[Frame]:
-        frames: list[Frame] = []
+    def _fill(self, key: str, pack: bytes, now_s: float) -> list[RecordedMessage]:
+        messages: list[RecordedMessage] = []
         newest: dict[int, int] = {}
         for data in unpack_messages(pack, RECENT_COUNT):
-            frame = self._frame(key, data)
-            if frame is not None:
-                frames += self._order.add(frame, now_s)
-                newest[frame.boot_id] = max(newest.get(frame.boot_id, 0), frame.sequence)
+            message = self._message(key, data)
+            if message is not None:
+                messages += self._order.add(message, now_s)
+                newest[message.boot_id] = max(newest.get(message.boot_id, 0), message.sequence)
         for boot_id, sequence in newest.items():
-            frames += self._order.cannot_be_had((key, boot_id), sequence)
-        return frames
+            messages += self._order.cannot_be_had((key, boot_id), sequence)
+        return messages
 
-    def _ask_for_missing(self, now_s: float) -> None:
+    def _request_missing(self, now_s: float) -> None:
         due = self._order.topics_with_gaps()
         if self._all_due.is_set():
             self._all_due.clear()
             due |= set(self._keys)
-            self._asked_s = dict.fromkeys(self._keys, float("-inf"))
+            self._requested_s = dict.fromkeys(self._keys, float("-inf"))
         if now_s >= self._audit_due_s:
             self._audit_due_s = now_s + _AUDIT_PERIOD_S
             due |= self._on_event
         for key in sorted(due):
-            if now_s - self._asked_s[key] >= _ASK_PAUSE_S:
-                self._asked_s[key] = now_s
-                self._ask(key, question(self._order.boots(key)))
+            if now_s - self._requested_s[key] >= _REQUEST_PAUSE_S:
+                self._requested_s[key] = now_s
+                self._request(key, request_for(self._order.boots(key)))
 
 
-def question(boots: Mapping[int, int]) -> bytes:
+def request_for(boots: Mapping[int, int]) -> bytes:
     """Asks a producer for everything after the newest sequence number known of its boot id."""
     packed: bytes = msgpack.packb(dict(boots))
     return packed
 
 
-def asked_after(asked: bytes, boot_id: int) -> int:
+def requested_after(request: bytes, boot_id: int) -> int:
     """The sequence number after which the asker knows nothing of this boot; 0 for a question that makes no sense."""
     try:
-        boots = msgpack.unpackb(asked, strict_map_key=False)
+        boots = msgpack.unpackb(request, strict_map_key=False)
     except (ValueError, msgpack.UnpackException):
         return 0
     sequence = boots.get(boot_id, 0) if isinstance(boots, dict) else 0

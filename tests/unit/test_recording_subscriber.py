@@ -10,18 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.codec import encode
-from common.frames import (
+from common.messages import POSE, STATUS, Status
+from common.recording import (
     RECENT_BYTES,
     RECENT_COUNT,
-    Frame,
-    FrameOrder,
+    MessageOrder,
     RecentMessages,
-    Tap,
-    asked_after,
-    question,
+    RecordedMessage,
+    RecordingSubscriber,
+    request_for,
+    requested_after,
     unpack_messages,
 )
-from common.messages import POSE, STATUS, Status
 
 KEY = STATUS["mmu"].key
 BOOT = 7
@@ -31,24 +31,24 @@ def data(sequence: int, boot_id: int = BOOT) -> bytes:
     return encode(Status(0.0, "RUN", 0, 0, True, sequence), sequence, boot_id)
 
 
-def frame(sequence: int, boot_id: int = BOOT) -> Frame:
-    return Frame(KEY, boot_id, sequence, data(sequence, boot_id))
+def message(sequence: int, boot_id: int = BOOT) -> RecordedMessage:
+    return RecordedMessage(KEY, boot_id, sequence, data(sequence, boot_id))
 
 
 @given(st.lists(st.integers(1, 20), max_size=60), st.randoms())
 def test_frames_leave_in_order_and_once_however_they_come(sequences: list[int], shuffle: random.Random) -> None:
-    order = FrameOrder({})
+    order = MessageOrder({})
     came = [*sequences, *range(1, 21)]
     shuffle.shuffle(came)
-    left = [f.sequence for sequence in came for f in order.add(frame(sequence), 0.0)]
+    left = [f.sequence for sequence in came for f in order.add(message(sequence), 0.0)]
     assert left == list(range(1, 21))
     assert order.take_lost() == {}
 
 
 @given(st.sets(st.integers(1, 40), min_size=1))
 def test_what_came_and_what_was_lost_make_up_what_was_said(came: set[int]) -> None:
-    order = FrameOrder({})
-    left = [f.sequence for sequence in came for f in order.add(frame(sequence), 0.0)]
+    order = MessageOrder({})
+    left = [f.sequence for sequence in came for f in order.add(message(sequence), 0.0)]
     left += [f.sequence for f in order.give_up(1000.0)]
     assert left == sorted(came)
     first, last = order.take_lost().get((KEY, BOOT), (1, 0))
@@ -57,9 +57,9 @@ def test_what_came_and_what_was_lost_make_up_what_was_said(came: set[int]) -> No
 
 
 def test_what_was_heard_in_an_earlier_life_is_not_taken_again() -> None:
-    order = FrameOrder({(KEY, BOOT): 5})
-    assert order.add(frame(5), 0.0) == []
-    assert [f.sequence for f in order.add(frame(6), 0.0)] == [6]
+    order = MessageOrder({(KEY, BOOT): 5})
+    assert order.add(message(5), 0.0) == []
+    assert [f.sequence for f in order.add(message(6), 0.0)] == [6]
 
 
 class Producer:
@@ -70,28 +70,28 @@ class Producer:
         self.sequence = 0
         self.reachable = True
 
-    def say(self, tap: Tap | None = None) -> None:
+    def say(self, recording: RecordingSubscriber | None = None) -> None:
         self.sequence += 1
         message = data(self.sequence)
         self.recent.append(self.sequence, message)
-        if tap is not None:
-            tap.store(KEY, message)
+        if recording is not None:
+            recording.store(KEY, message)
 
 
-def tap_of(producer: Producer, known: dict[tuple[str, int], int], clock: list[float]) -> Tap:
+def subscriber_of(producer: Producer, known: dict[tuple[str, int], int], clock: list[float]) -> RecordingSubscriber:
     def ask(key: str, asked: bytes) -> None:
         if producer.reachable:
-            tap.answer(key, msgpack.packb(producer.recent.after(asked_after(asked, BOOT))))
+            recording.answer(key, msgpack.packb(producer.recent.after(requested_after(asked, BOOT))))
 
-    tap = Tap([KEY], [], known, ask, lambda: clock[0])
-    return tap
+    recording = RecordingSubscriber([KEY], [], known, ask, lambda: clock[0])
+    return recording
 
 
-def sequences(tap: Tap, clock: list[float]) -> list[int]:
+def sequences(recording: RecordingSubscriber, clock: list[float]) -> list[int]:
     found = []
     for _ in range(4):
         clock[0] += 0.5
-        found += [f.sequence for f in tap.frames()]
+        found += [f.sequence for f in recording.messages()]
     return found
 
 
@@ -99,50 +99,50 @@ def test_a_restarted_tap_gets_what_was_said_while_it_was_away() -> None:
     producer, clock = Producer(), [0.0]
     for _ in range(30):
         producer.say()
-    tap = tap_of(producer, {(KEY, BOOT): 12}, clock)
-    assert sequences(tap, clock) == list(range(13, 31))
-    assert tap.take_lost() == {}
+    recording = subscriber_of(producer, {(KEY, BOOT): 12}, clock)
+    assert sequences(recording, clock) == list(range(13, 31))
+    assert recording.take_lost() == {}
 
 
 def test_a_hole_in_the_numbers_is_filled_by_the_producer() -> None:
     producer, clock = Producer(), [0.0]
-    tap = tap_of(producer, {}, clock)
-    producer.say(tap)
-    assert sequences(tap, clock) == [1]
+    recording = subscriber_of(producer, {}, clock)
+    producer.say(recording)
+    assert sequences(recording, clock) == [1]
     producer.say()
-    producer.say(tap)
-    assert sequences(tap, clock) == [2, 3]
+    producer.say(recording)
+    assert sequences(recording, clock) == [2, 3]
 
 
 def test_what_the_producer_no_longer_has_is_counted_as_lost() -> None:
     producer, clock = Producer(), [0.0]
     for _ in range(RECENT_COUNT + 10):
         producer.say()
-    tap = tap_of(producer, {(KEY, BOOT): 4}, clock)
-    assert sequences(tap, clock) == list(range(11, RECENT_COUNT + 11))
-    assert tap.take_lost() == {(KEY, BOOT): (5, 10)}
+    recording = subscriber_of(producer, {(KEY, BOOT): 4}, clock)
+    assert sequences(recording, clock) == list(range(11, RECENT_COUNT + 11))
+    assert recording.take_lost() == {(KEY, BOOT): (5, 10)}
 
 
 def test_a_producer_that_is_gone_is_not_waited_for_for_ever() -> None:
     producer, clock = Producer(), [0.0]
-    tap = tap_of(producer, {}, clock)
-    producer.say(tap)
+    recording = subscriber_of(producer, {}, clock)
+    producer.say(recording)
     producer.say()
     producer.reachable = False
-    producer.say(tap)
-    assert sequences(tap, clock) == [1]
+    producer.say(recording)
+    assert sequences(recording, clock) == [1]
     clock[0] += 60.0
-    assert sequences(tap, clock) == [3]
-    assert tap.take_lost() == {(KEY, BOOT): (2, 2)}
+    assert sequences(recording, clock) == [3]
+    assert recording.take_lost() == {(KEY, BOOT): (2, 2)}
 
 
 def test_what_is_no_message_is_counted() -> None:
-    tap = Tap([KEY], [], {}, lambda key, asked: None)
+    recording = RecordingSubscriber([KEY], [], {}, lambda key, asked: None)
     for junk in (b"", b"\xc1", b"\x94\x01\x01", encode(Status(0.0, "", 0, 0, True, 1), 0, BOOT), b"\x00" * 500):
-        tap.store(KEY, junk)
-    tap.answer(KEY, b"\xff no list")
-    assert tap.frames() == []
-    assert tap.bad == {KEY: 5}
+        recording.store(KEY, junk)
+    recording.answer(KEY, b"\xff no list")
+    assert recording.messages() == []
+    assert recording.bad == {KEY: 5}
 
 
 def test_history_is_bounded_but_holds_the_newest() -> None:
@@ -155,9 +155,9 @@ def test_history_is_bounded_but_holds_the_newest() -> None:
 
 
 def test_a_question_names_the_newest_number_of_the_boot_that_is_asked() -> None:
-    asked = question({BOOT: 12, 8: 3})
-    assert (asked_after(asked, BOOT), asked_after(asked, 8), asked_after(asked, 9)) == (12, 3, 0)
-    assert asked_after(b"\xc1", BOOT) == 0
+    asked = request_for({BOOT: 12, 8: 3})
+    assert (requested_after(asked, BOOT), requested_after(asked, 8), requested_after(asked, 9)) == (12, 3, 0)
+    assert requested_after(b"\xc1", BOOT) == 0
     assert POSE.recorded
 
 
