@@ -80,7 +80,7 @@ Poses = Annotated[npt.NDArray[np.float64], Shape(("K", 3)), _KEY_FRAMES, COORDIN
 
 GRID_CELLS_MAX = 4_000_000  # 200 m by 200 m of 0.1 m
 GridSide = Annotated[int, Within(1, 20_000)]  # cells
-CellSize = Annotated[float, Within(0.01, 10.0)]  # metres
+CellSize = Annotated[float, Within(0.05, 10.0)]  # metres; finer than twice a sonar's step tells nothing more
 GridBytes = Annotated[bytes, UpTo(2_000_000)]
 
 PoiId = Annotated[int, Within(0, 5_000)]  # counted from 1

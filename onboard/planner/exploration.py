@@ -25,6 +25,7 @@ OPENING_BEHIND_M = (-2.0, -0.5)  # where along the way an opening on the right i
 OPENING_SIDE_M = (-3.0, -0.3)
 OPENING_WIDTH_M = 0.6
 GIVEN_UP_RADIUS_M = 0.45
+CONSIDERED_MAX = 5_000  # cells that are considered one by one: the frontier of two hundred ends of halls
 ROOMY_SHARE = 0.8  # of the best clearance in a group
 
 
@@ -74,9 +75,9 @@ class Exploration:
         self._second_try, self._put_off = True, []
         return True
 
-    def frontier(self, grid: GridMap, blocked: Mask) -> Frontier:
-        """Frontier cells that are still worth a visit."""
-        cells = np.argwhere(grid.frontier & ~blocked)
+    def frontier(self, grid: GridMap, blocked: Mask, pose: Pose2) -> Frontier:
+        """Frontier cells that are still worth a visit, from this pose."""
+        cells = considered(grid, grid.frontier & ~blocked, pose)
         points = grid.centres(cells)
         left_out = self._looked_into + self._put_off
         if len(cells) and left_out:
@@ -112,9 +113,22 @@ def roomy_cells(grid: GridMap, listed: list[FrontierGroup]) -> set[Cell]:
     """Where to go for the entries of the list: of every group the cells away from the walls."""
     wanted: set[Cell] = set()
     for group in listed:
-        clearance_m = grid.clearance_m[tuple(group.cells.T)]
+        clearance_m = grid.clearance_m(tuple(group.cells.T))
         wanted |= as_set(group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()])
     return wanted
+
+
+def considered(grid: GridMap, mask: Mask, pose: Pose2) -> Cells:
+    """Cells (N, 2) of a mask: all, or of too many those around a pose. The others come up as the robot does."""
+    row, column = grid.cell(pose.x_m, pose.y_m)
+    reach = max(*mask.shape, abs(row), abs(column)) + 1
+    while True:
+        r0, c0 = max(row - reach, 0), max(column - reach, 0)
+        near = mask[r0 : max(row + reach, 0), c0 : max(column + reach, 0)]
+        if np.count_nonzero(near) <= CONSIDERED_MAX:
+            cells: Cells = np.argwhere(near) + np.array([r0, c0])
+            return cells
+        reach //= 2
 
 
 def as_set(cells: Cells) -> set[Cell]:
@@ -132,7 +146,7 @@ def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Ma
         (pose.x_m, pose.y_m),
         (pose.x_m + STRAIGHT_MAX_M * cos(heading_rad), pose.y_m + STRAIGHT_MAX_M * sin(heading_rad)),
     )
-    tight = grid.clearance_m[rows, columns] < STAND_CLEARANCE_M
+    tight = grid.clearance_m((rows, columns)) < STAND_CLEARANCE_M
     if blocked is not None:
         tight |= blocked[rows, columns]
     distance = np.linspace(0.0, STRAIGHT_MAX_M, len(rows))

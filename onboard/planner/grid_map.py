@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M
 from common.geometry import Points
-from common.messages import GridUpdate
 
 UNKNOWN, FREE, WALL = 0, 1, 2
 CLEARANCE_MAX_CELLS = 16
@@ -22,11 +21,8 @@ SLIVER_PASSES = 4  # closes holes of up to 0.7 m between rays
 FRONTIER_NEIGHBOURS_MIN = 4  # frontier cells within 0.2 m, itself included
 
 Mask = npt.NDArray[np.bool_]
+SquaredDistances = npt.NDArray[np.int16]
 Cell = tuple[int, int]  # row, column
-
-
-class GridError(ValueError):
-    """This message is no grid: one sentence says why."""
 
 
 @dataclass(frozen=True)
@@ -37,25 +33,6 @@ class GridMap:
     origin_x_m: float
     origin_y_m: float
     cell_m: float
-
-    @classmethod
-    def from_update(cls, update: GridUpdate) -> GridMap:
-        """What is known of the grid, with a margin, the gaps between neighbouring rays closed.
-
-        Raises GridError when the cells cannot be unpacked or do not fill the announced shape.
-        """
-        cells = _inflated(update.cells_zlib, update.rows * update.columns).reshape(update.rows, update.columns)
-        known = np.argwhere(cells != UNKNOWN)
-        if not len(known):
-            return cls(cells, update.origin_x_m, update.origin_y_m, update.cell_m)
-        (r0, c0), (r1, c1) = np.maximum(known.min(axis=0) - 4, 0), known.max(axis=0) + 5
-        cut = cells[r0:r1, c0:c1]
-        return cls(
-            _close_slivers(cut),
-            update.origin_x_m + float(c0) * update.cell_m,
-            update.origin_y_m + float(r0) * update.cell_m,
-            update.cell_m,
-        )
 
     def cell(self, x_m: float, y_m: float) -> Cell:
         """The cell at a position in the map; it may lie outside the grid (`contains`)."""
@@ -81,26 +58,43 @@ class GridMap:
     def stands(self, x_m: float, y_m: float) -> bool:
         """May the hull stand at that position?"""
         cell = self.cell(x_m, y_m)
-        return self.contains(cell) and bool(self.standable[cell])
+        return self.contains(cell) and bool(self.standable(cell))
 
     def window(self, x_m: float, y_m: float, reach_m: float) -> GridMap:
         """The part of the grid up to `reach_m` from a position along both axes."""
         reach = round(reach_m / self.cell_m)
         row, column = self.cell(x_m, y_m)
         r0, c0 = max(row - reach, 0), max(column - reach, 0)
-        cut = self.cells[r0 : max(row + reach + 1, 0), c0 : max(column + reach + 1, 0)]
-        origin_x_m, origin_y_m = self.origin_x_m + c0 * self.cell_m, self.origin_y_m + r0 * self.cell_m
-        return GridMap(cut, origin_x_m, origin_y_m, self.cell_m)
+        return self.part((slice(r0, max(row + reach + 1, 0)), slice(c0, max(column + reach + 1, 0))))
+
+    def part(self, rows_columns: tuple[slice, slice]) -> GridMap:
+        """A part of the grid as one of its own."""
+        rows, columns = rows_columns
+        origin_x_m, origin_y_m = (
+            self.origin_x_m + columns.start * self.cell_m,
+            self.origin_y_m + rows.start * self.cell_m,
+        )
+        return GridMap(self.cells[rows_columns], origin_x_m, origin_y_m, self.cell_m)
 
     @cached_property
-    def clearance_m(self) -> npt.NDArray[np.float32]:
-        """(rows, columns) from each cell's centre to the nearest wall cell's, at most CLEARANCE_MAX_CELLS far."""
-        return _distance_cells(self.cells == WALL, CLEARANCE_MAX_CELLS) * np.float32(self.cell_m)
+    def wall_distance2(self) -> SquaredDistances:
+        """(rows, columns) to the nearest wall cell, in cells, squared; at most CLEARANCE_MAX_CELLS far."""
+        return _squared_distance(self.cells == WALL, CLEARANCE_MAX_CELLS)
 
     @cached_property
-    def standable(self) -> Mask:
-        """(rows, columns) free cells on which the hull keeps its distance from every known wall."""
-        mask: Mask = (self.cells == FREE) & (self.clearance_m >= STAND_CLEARANCE_M)
+    def clearances_m(self) -> npt.NDArray[np.float32]:
+        """Metres (CLEARANCE_MAX_CELLS squared + 1,) for every value of `wall_distance2`."""
+        squared = np.arange(CLEARANCE_MAX_CELLS**2 + 1, dtype=np.int16)
+        return np.sqrt(squared, dtype=np.float32) * np.float32(self.cell_m)
+
+    def clearance_m(self, index: Any = ...) -> npt.NDArray[np.float32]:
+        """From the centres of cells to the nearest wall cell's; `index` into (rows, columns), all where not given."""
+        clearance: npt.NDArray[np.float32] = self.clearances_m[self.wall_distance2[index]]
+        return clearance
+
+    def standable(self, index: Any = ...) -> Mask:
+        """Free cells on which the hull keeps its distance from every known wall; `index` as of `clearance_m`."""
+        mask: Mask = (self.cells[index] == FREE) & (self.clearance_m(index) >= STAND_CLEARANCE_M)
         return mask
 
     @cached_property
@@ -112,12 +106,12 @@ class GridMap:
         beside[:-1] |= unknown[1:]
         beside[:, 1:] |= unknown[:, :-1]
         beside[:, :-1] |= unknown[:, 1:]
-        candidates = (self.cells == FREE) & beside & (self.clearance_m >= OPENING_CLEARANCE_M)
-        count = _box_sum(candidates.astype(np.int16), 2)
+        candidates = (self.cells == FREE) & beside & (self.clearance_m() >= OPENING_CLEARANCE_M)
+        count = _box_sum(candidates, 2)
         mask: Mask = candidates & (count >= FRONTIER_NEIGHBOURS_MIN)
         return mask
 
-    @property
+    @cached_property
     def area_m2(self) -> float:
         """Of the free cells."""
         return float((self.cells == FREE).sum()) * self.cell_m**2
@@ -135,47 +129,39 @@ class GridMap:
         return not bool((self.cells[self.line(a, b)] == WALL).any())
 
 
-def _inflated(pressed: bytes, count: int) -> npt.NDArray[np.uint8]:
-    """So many cells; a few bytes may claim to be gigabytes, so no more than these are unpacked."""
-    inflater = zlib.decompressobj()
-    try:
-        cells = inflater.decompress(pressed, count + 1)
-    except zlib.error as error:
-        raise GridError(str(error)) from error
-    if len(cells) != count or not inflater.eof:
-        raise GridError(f"not the {count} cells of its rows and columns")
-    return np.frombuffer(cells, np.uint8)
-
-
-def _close_slivers(cells: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+def close_slivers(cells: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """Unknown cells almost surrounded by free ones are free: gaps between neighbouring rays."""
     out = cells.copy()
     for _ in range(SLIVER_PASSES):
-        free = _box_sum((out == FREE).astype(np.int16), 1)
+        free = _box_sum(out == FREE, 1)
         out[(out == UNKNOWN) & (free >= 5)] = FREE
     return out
 
 
-def _box_sum(values: npt.NDArray[np.int16], reach: int) -> npt.NDArray[np.int16]:
-    total = np.zeros_like(values)
-    padded = np.pad(values, reach)
-    rows, columns = values.shape
-    for i in range(2 * reach + 1):
-        for j in range(2 * reach + 1):
-            total += padded[i : i + rows, j : j + columns]
+def _box_sum(mask: Mask, reach: int) -> npt.NDArray[np.uint8]:
+    """How many cells (rows, columns) up to `reach` away, itself included, are in the mask."""
+    rows, columns = mask.shape
+    padded = np.pad(mask.view(np.uint8), reach)
+    across = padded[:, :columns].copy()
+    for j in range(1, 2 * reach + 1):
+        across += padded[:, j : j + columns]
+    total = across[:rows].copy()
+    for i in range(1, 2 * reach + 1):
+        total += across[i : i + rows]
     return total
 
 
-def _distance_cells(walls: Mask, reach: int) -> npt.NDArray[np.float32]:
-    """Exact Euclidean distance to the nearest wall in cells, at most `reach` (separable, in two passes)."""
+def _squared_distance(walls: Mask, reach: int) -> SquaredDistances:
+    """Exact Euclidean distance to the nearest wall in cells, at most `reach`, squared (separable, in two passes)."""
     rows, columns = walls.shape
-    index = np.arange(columns)
-    left = np.maximum.accumulate(np.where(walls, index, -10_000), axis=1)
-    right = np.minimum.accumulate(np.where(walls, index, 10_000)[:, ::-1], axis=1)[:, ::-1]
+    far = columns + reach
+    index = np.arange(columns, dtype=np.int32)
+    left = np.maximum.accumulate(np.where(walls, index, -far), axis=1)
+    right = np.minimum.accumulate(np.where(walls, index, far + columns)[:, ::-1], axis=1)[:, ::-1]
     along = np.minimum(np.minimum(index - left, right - index), reach).astype(np.int16)
     squared = np.pad(along * along, ((reach, reach), (0, 0)), constant_values=reach * reach)
     best = squared[reach : reach + rows].copy()
     for k in range(1, reach + 1):
         for offset in (reach - k, reach + k):
             np.minimum(best, squared[offset : offset + rows] + np.int16(k * k), out=best)
-    return np.sqrt(np.minimum(best, reach * reach), dtype=np.float32)
+    return np.minimum(best, np.int16(reach * reach))

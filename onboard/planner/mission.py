@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import Enum
 from math import atan2, cos, hypot, pi, sin
+from typing import Any
 
 from common.geometry import Pose2, wrap_angle
 from common.messages import Speed
@@ -24,6 +25,7 @@ from onboard.planner.setbacks import Stillness
 from onboard.planner.view import Motion, View
 from onboard.planner.wall_imaging import WallImaging, beginning
 from onboard.planner.way_following import Way, arrived, rest_of, speed_along
+from onboard.planner.work import Sliced, Work
 
 BLOCK_AHEAD_M = 0.45
 RETRY_S = 3.0
@@ -72,6 +74,7 @@ class Mission:
         self._retry_s = 0.0
         self._retry_mode = Mode.HOME
         self._align_until_s = 0.0
+        self._deliberation: Sliced[Any] | None = None  # a choice or a way that took more than one step so far
 
     @property
     def groups(self) -> list[FrontierGroup]:
@@ -82,6 +85,11 @@ class Mission:
     def finished(self) -> bool:
         return self.mode is Mode.DONE
 
+    @property
+    def deliberates(self) -> bool:
+        """It has not yet found out where to go next: the sooner its next step the better, on the same grid."""
+        return self._deliberation is not None
+
     def start(self, pose: Pose2, now_s: float) -> None:
         """Begin to explore; once more from the beginning of the list after a finished mission."""
         if self.mode in (Mode.WAITING, Mode.DONE):
@@ -90,16 +98,18 @@ class Mission:
 
     def go_home(self) -> None:
         """Give up what is left of the list."""
-        self.mode, self.way = Mode.HOME, []
+        self.mode, self.way, self._deliberation = Mode.HOME, [], None
 
     def go_to(self, x_m: float, y_m: float) -> None:
         """Drive to a place on the map, and stay there."""
         self.mode, self.way, self._target = Mode.GOTO, [], (x_m, y_m)
+        self._deliberation = None
 
     def detour(self, pose: Pose2) -> None:
         """Stand at a pose for another photo, then go on exploring."""
         if self.mode in (Mode.STRAIGHT, Mode.ROUTE, Mode.LOOK, Mode.IMAGE, Mode.ALONG_WALL):
             self.mode, self.way, self._target = Mode.RETAKE, [], (pose.x_m, pose.y_m)
+            self._deliberation = None
             self._retake_rad = pose.heading_rad
 
     def end_detour(self, heading_rad: float, now_s: float) -> None:
@@ -120,13 +130,14 @@ class Mission:
                 self._obstructions = 0
                 self._give_way_up(view)
                 self._look(view.pose.heading_rad, view.now_s)
-        self.way = []
+        self.way, self._deliberation = [], None
 
     def step(self, view: View) -> Motion:
         """The motion that is wanted now."""
         dt_s = view.now_s - self._last_s if self._last_s is not None else 0.0
         self._last_s = view.now_s
-        self._prospects.take_in(view)
+        if not self.deliberates:
+            self._prospects.take_in(view)
         if self._imaging is not None:
             self._imaging.look(view.grid, view.pose)
         return self._act(view, dt_s)
@@ -137,6 +148,9 @@ class Mission:
             self._give_way_up(view)
             self._prospects.judge_anew()
             self._look(view.pose.heading_rad, view.now_s)
+            return stand
+        if self.deliberates:
+            self._carry_on()
             return stand
         if self.mode in (Mode.WAITING, Mode.DONE):
             return stand
@@ -166,15 +180,23 @@ class Mission:
             self._prospects.put_off(*self._target)
 
     def _look(self, heading_rad: float, now_s: float, then_rad: float | None = None) -> None:
-        self.mode, self.way, self._wall_due = Mode.LOOK, [], False
+        self.mode, self.way, self._wall_due, self._deliberation = Mode.LOOK, [], False, None
         self._looking.begin(heading_rad, now_s, then_rad)
 
     def _stand_and_look(self, view: View) -> Motion:
         if self._looking.over(view.pose, view.now_s):
-            self._choose(view)
+            self._deliberate(self._choose(view))
         return Motion(Speed.STOP, self._looking.heading_rad)
 
-    def _choose(self, view: View) -> None:
+    def _deliberate(self, work: Work[Any]) -> None:
+        self._deliberation = Sliced(work)
+        self._carry_on()
+
+    def _carry_on(self) -> None:
+        if self._deliberation is not None and self._deliberation.advance():
+            self._deliberation = None
+
+    def _choose(self, view: View) -> Work[None]:
         """The wall that was driven to, else what the right-hand rule takes, else the next of the list."""
         if self._wall_due:
             self.mode, self._wall_due = Mode.ALONG_WALL, False
@@ -187,7 +209,7 @@ class Mission:
         ways_rad = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
         turn = self._junction.choose(view, self._prospects, ways_rad)
         if turn is None:
-            self._take_from_list(view)
+            yield from self._take_from_list(view)
         elif turn is Turn.FORWARD:
             self.mode = Mode.STRAIGHT
             self._prospects.renew_patience()
@@ -201,32 +223,32 @@ class Mission:
         tried = self.mode is Mode.LOOK and gap_rad < HEADING_REACHED_RAD
         return abs(wrap_angle(heading_rad - pose.heading_rad)) > STEER_MAX_RAD and not tried
 
-    def _take_from_list(self, view: View) -> None:
+    def _take_from_list(self, view: View) -> Work[None]:
         """Set out for the nearest of the list, else for a wall, else home."""
-        if self._set_out(view, exploration.roomy_cells(view.grid, self.groups)):
+        if (yield from self._set_out(view, exploration.roomy_cells(view.grid, self.groups))):
             return
         if not self._prospects.exhausted(view.now_s):
             self._look(view.pose.heading_rad, view.now_s)
-        elif not self._set_out_to_a_wall(view):
+        elif not (yield from self._set_out_to_a_wall(view)):
             self.go_home()
 
-    def _set_out(self, view: View, frontier: set[Cell]) -> bool:
+    def _set_out(self, view: View, frontier: set[Cell]) -> Work[bool]:
         """For the nearest of these cells; False where no way leads there."""
-        route = self._prospects.route(view, frontier) if frontier else None
+        route = (yield from self._prospects.route(view, frontier)) if frontier else None
         if route is None:
             return False
         self._prospects.renew_patience()
         self.mode, self.way, self._target = Mode.ROUTE, route, route[-1]
         return True
 
-    def _set_out_to_a_wall(self, view: View) -> bool:
+    def _set_out_to_a_wall(self, view: View) -> Work[bool]:
         """The nearest stretch of wall that the camera has not seen, from its beginning; False where there is none."""
-        spots = self._imaging.spots(view.grid) if self._imaging is not None else {}
-        route = self._prospects.route(view, set(spots)) if spots else None
+        spots = (yield from self._imaging.spots(view.grid, view.pose)) if self._imaging is not None else {}
+        route = (yield from self._prospects.route(view, spots)) if spots else None
         if route is None:
             return False
         first = beginning(spots, view.grid, view.grid.cell(*route[-1]))
-        route = self._prospects.route(view, {first}) or route
+        route = (yield from self._prospects.route(view, {first})) or route
         self.mode, self.way, self._target = Mode.IMAGE, route, route[-1]
         self._wall_rad = self._hall.along(spots[view.grid.cell(*route[-1])])
         return True
@@ -237,8 +259,10 @@ class Mission:
         self._hall.see(view.points, pose)
         if self.mode is Mode.STRAIGHT:
             opening = self._hall.opening_passed(view.grid, self._prospects.frontier, pose)
-            if opening is not None and self._set_out(view, as_set(opening)):
-                return Motion(Speed.STOP, pose.heading_rad)
+            if opening is not None:
+                self._deliberate(self._set_out(view, as_set(opening)))
+                if self.mode is not Mode.STRAIGHT or self.deliberates:
+                    return Motion(Speed.STOP, pose.heading_rad)
         elif self._imaging is not None:
             self._imaging.settle(view.grid, pose)
         if view.front_is_near or not self._leg_shows_new(view):
@@ -268,8 +292,11 @@ class Mission:
     def _follow_way(self, view: View) -> Motion:
         pose = view.pose
         stand = Motion(Speed.STOP, pose.heading_rad)
-        if not self.way and not self._plan_way(view):
-            return stand
+        if not self.way:
+            mode = self.mode
+            self._deliberate(self._plan_way(view))
+            if self.mode is not mode or not self.way:
+                return stand
         if self.mode is Mode.ROUTE and not self._prospects.something_near(*self._target):
             self._look(pose.heading_rad, view.now_s)
             return stand
@@ -287,25 +314,24 @@ class Mission:
             speed = Speed.MEDIUM if self._imaging.worth_going_on(view.grid, pose, heading_rad) else speed
         return Motion(speed, heading_rad)
 
-    def _plan_way(self, view: View) -> bool:
-        """A way for the present mode; False where there is none (now)."""
+    def _plan_way(self, view: View) -> Work[None]:
+        """A way for the present mode, or another mode where there is none (now)."""
         if self.mode is Mode.ROUTE:
-            self._choose(view)
-            return self.mode is Mode.ROUTE and bool(self.way)
+            yield from self._choose(view)
+            return
         target = (0.0, 0.0) if self.mode is Mode.HOME else self._target
         exact = self.mode is Mode.HOME or view.grid.stands(*target)
-        route = self._prospects.route(view, view.grid.around(*target, GOAL_NEAR_CELLS if exact else GOAL_FAR_CELLS))
+        around = view.grid.around(*target, GOAL_NEAR_CELLS if exact else GOAL_FAR_CELLS)
+        route = yield from self._prospects.route(view, around)
         if route is None and self.mode in (Mode.RETAKE, Mode.IMAGE):
             if self.mode is Mode.IMAGE:
                 self._give_way_up(view)
             self._look(view.pose.heading_rad, view.now_s)
-            return False
-        if route is None:
+        elif route is None:
             self._retry_mode, self._retry_s = self.mode, view.now_s + RETRY_S
             self.mode = Mode.STUCK
-            return False
-        self.way = [*route[:-1], target] if exact else route
-        return True
+        else:
+            self.way = [*route[:-1], target] if exact else route
 
     def _arrive(self, view: View) -> None:
         self.way = []

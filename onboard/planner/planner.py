@@ -40,7 +40,8 @@ from common.status import StatusReporter
 from common.undecodable import Undecodable
 from common.wall_points import with_increment
 from onboard.planner.emergency import Emergency, Phase, watch
-from onboard.planner.grid_map import GridError, GridMap
+from onboard.planner.grid_map import GridMap
+from onboard.planner.grid_reading import GridError, GridReader
 from onboard.planner.gyro_rest import GyroRest
 from onboard.planner.mission import Mission, Mode
 from onboard.planner.poi_override import Override, after, speed
@@ -51,6 +52,7 @@ VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
 POINTS_NEAR_M = 4.0
 BOOT_BITS = 16
+WAY_SHOWN_MAX = 2_000  # way points
 TAKEN_KEPT = 16  # operator commands whose repeats are known as such
 _NO_POINTS = np.zeros((0, 2))
 
@@ -71,6 +73,7 @@ class Planner:
         self._rest = GyroRest()
         self._unwinding = Unwinding()
         self._undecodable = Undecodable()
+        self._grid_reader = GridReader()
         self._grid: GridMap | None = None
         self._grid_revision = 0
         self._points: Points = _NO_POINTS
@@ -116,11 +119,17 @@ class Planner:
         for update in bus.take(MAP):
             self._points = with_increment(self._points, update)
         for newest in bus.take(GRID)[-1:]:
-            try:
-                self._grid = GridMap.from_update(newest)
+            self._grid_reader.take(newest)
+        if self._mission.deliberates:
+            return  # of the grid that it has; and one long work at a time
+        try:
+            grid = self._grid_reader.advance()
+        except GridError as error:
+            self._undecodable.count(GRID.key, str(error))
+        else:
+            if grid is not None:
+                self._grid = grid
                 self._grid_revision += 1
-            except GridError as error:
-                self._undecodable.count(GRID.key, str(error))
 
     def _operate(
         self, command: OperatorCommand, pose: PoseEstimate | None, permit: Permit | None, now_s: float
@@ -170,7 +179,7 @@ class Planner:
             self._emergency = Emergency()
             self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
             return
-        if pose is not self._pose_seen:
+        if pose is not self._pose_seen or self._mission.deliberates:
             self._pose_seen = pose
             asked = speed(self._override, now_s)
             if asked is None:
@@ -234,7 +243,7 @@ class Planner:
         if now_s - self._view_sent_s < VIEW_PERIOD_S:
             return
         self._view_sent_s = now_s
-        way = np.array(self._mission.way, dtype=np.float32).reshape(-1, 2)
+        way = np.array(self._mission.way[:WAY_SHOWN_MAX], dtype=np.float32).reshape(-1, 2)
         area_m2 = self._grid.area_m2 if self._grid is not None else 0.0
         bus.publish(
             PLAN,

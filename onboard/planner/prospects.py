@@ -5,6 +5,7 @@ View in; frontier, list, straight ways and routes out. What was looked into, put
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,7 @@ from onboard.planner.route_planning import cheapest_way
 from onboard.planner.setbacks import Obstacles
 from onboard.planner.view import View
 from onboard.planner.way_following import Way
+from onboard.planner.work import Work
 
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
 STILL_WANTED_M = 0.5  # between the end of a way and the frontier it was planned for
@@ -40,7 +42,7 @@ class Prospects:
         if view.grid_revision != self._grid_seen:
             self._grid_seen = view.grid_revision
             self._blocked = self._obstacles.mask(view.grid)
-            self.frontier = self._exploration.frontier(view.grid, self._blocked)
+            self.frontier = self._exploration.frontier(view.grid, self._blocked, view.pose)
             self.groups = exploration.groups(view.grid, self.frontier)
 
     def judge_anew(self) -> None:
@@ -89,7 +91,7 @@ class Prospects:
         gap = self.frontier.points - np.array([x_m, y_m])
         return bool((np.hypot(gap[:, 0], gap[:, 1]) < STILL_WANTED_M).any())
 
-    def route(self, view: View, wanted: set[Cell]) -> Way | None:
+    def route(self, view: View, wanted: Collection[Cell]) -> Work[Way | None]:
         """Way points to the cheapest of the wanted cells; None where no way leads there."""
         return cheapest_way(view.grid, view.pose, wanted, self._obstacles.mask(view.grid))
 

@@ -3,115 +3,167 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+from array import array
+from collections.abc import Collection
+from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import Pose2
-from onboard.planner.grid_map import FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
+from onboard.planner.grid_map import CLEARANCE_MAX_CELLS, FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
+from onboard.planner.work import Work
 
 COMFORT_M = 0.8  # nearer to a wall than this a way costs more
 COMFORT_WEIGHT = 3.0
 TIGHT_CLEARANCE_M = FOOTPRINT_RADIUS_M + 0.04
 TIGHT_PRICE = 12.0
 START_RADIUS_CELLS = 4  # around the robot every free cell may be stood on: it stands there
-_NEIGHBOURS = [(i, j, sqrt(i * i + j * j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+CELLS_PRICED_PER_US = 100
+CELLS_AT_ONCE = 2_000  # of a search, between two yields
+CELL_US = 2
+TRY_US = 30  # of a straight leg
+
+_BEGINNING = 32_767  # no step, for the cell where a search begins
+_NO_WAY, _TIGHT = 0, CLEARANCE_MAX_CELLS**2 + 1  # kinds of cells; all others are squared distances to a wall
+
+Path = npt.NDArray[np.int64]  # (N, 2) neighbouring cells: row, column
 
 
-def cheapest_way(grid: GridMap, pose: Pose2, wanted: set[Cell], blocked: Mask) -> list[tuple[float, float]] | None:
+@dataclass(frozen=True, slots=True)
+class Prices:
+    """`kinds` (rows + 2, columns + 2) of cells, with a border that nobody enters, and by kind the price of a step of
+    one cell: its metres, dear where the hull hardly fits; 0 where it does not."""
+
+    kinds: npt.NDArray[np.int16]
+    by_kind: list[float]
+
+    def of(self, cell: Cell) -> float:
+        return self.by_kind[int(self.kinds[cell[0] + 1, cell[1] + 1])]
+
+
+def cheapest_way(
+    grid: GridMap, pose: Pose2, wanted: Collection[Cell], blocked: Mask
+) -> Work[list[tuple[float, float]] | None]:
     """Way points (map, metres) from a pose to the cheapest of the wanted cells; None where no way leads there."""
     start = grid.cell(pose.x_m, pose.y_m)
     if not grid.contains(start):
         return None
-    found = shortest_path(cell_costs(grid, start, blocked), start, lambda cell: cell in wanted)
-    return None if found is None else pull_string(grid, found[0], blocked)
+    prices = cell_prices(grid, start, blocked)
+    yield grid.cells.size // CELLS_PRICED_PER_US
+    path = yield from shortest_path(prices, start, wanted)
+    return None if path is None else (yield from pull_string(grid, path, blocked))
 
 
-def cell_costs(grid: GridMap, start: Cell, blocked: Mask | None = None) -> list[list[float]]:
-    """(rows, columns) cost of a step of one cell: its metres, dear where the hull hardly fits; 0 where it does not."""
-    clearance = grid.clearance_m
-    allowed = (grid.cells == FREE) & (clearance >= TIGHT_CLEARANCE_M)
-    if blocked is not None:
-        allowed &= ~blocked
-    r0, c0 = max(start[0] - START_RADIUS_CELLS, 0), max(start[1] - START_RADIUS_CELLS, 0)
-    near = np.s_[r0 : start[0] + START_RADIUS_CELLS + 1, c0 : start[1] + START_RADIUS_CELLS + 1]
+def cell_prices(grid: GridMap, start: Cell, blocked: Mask | None = None) -> Prices:
+    """What a step onto each cell costs a robot that stands on `start`."""
+    clearance = grid.clearances_m
     price = 1.0 + COMFORT_WEIGHT * np.maximum(COMFORT_M - clearance, 0.0) / COMFORT_M
-    price = np.where(allowed, np.where(grid.standable, price, TIGHT_PRICE), 0.0)
-    here = (grid.cells[near] == FREE) & (price[near] == 0.0)
+    price = np.where(clearance >= STAND_CLEARANCE_M, price, TIGHT_PRICE)
+    price = np.append(np.where(clearance >= TIGHT_CLEARANCE_M, price, 0.0), np.float32(TIGHT_PRICE))
+    by_kind: list[float] = (price * grid.cell_m).tolist()
+    bordered = np.zeros((grid.cells.shape[0] + 2, grid.cells.shape[1] + 2), np.int16)
+    kinds = bordered[1:-1, 1:-1]
+    np.multiply(grid.wall_distance2, grid.cells == FREE, out=kinds)
+    if blocked is not None:
+        kinds[blocked] = _NO_WAY
+    r0, c0 = max(start[0] - START_RADIUS_CELLS, 0), max(start[1] - START_RADIUS_CELLS, 0)
+    near = np.s_[r0 : max(start[0] + START_RADIUS_CELLS + 1, 0), c0 : max(start[1] + START_RADIUS_CELLS + 1, 0)]
+    here = (grid.cells[near] == FREE) & (price[kinds[near]] == 0.0)
     if blocked is not None and grid.contains(start) and not blocked[start]:
         here &= ~blocked[near]
-    price[near] = np.where(here, TIGHT_PRICE, price[near])
-    costs: list[list[float]] = (price * grid.cell_m).tolist()
-    return costs
+    kinds[near] = np.where(here, _TIGHT, kinds[near])
+    return Prices(bordered, by_kind)
 
 
-def shortest_path(
-    costs: list[list[float]], start: Cell, is_goal: Callable[[Cell], bool]
-) -> tuple[list[Cell], float] | None:
-    """Cells from `start` to the cheapest goal and the cost, or None where no goal can be reached (Dijkstra 1959).
+def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> Work[Path | None]:
+    """From `start` to the cheapest of the wanted cells, or None where none can be reached (Dijkstra 1959).
 
-    `costs` as of `cell_costs`; a diagonal step costs the square root of two times as much.
+    A diagonal step costs the square root of two times as much.
     """
-    rows, columns = len(costs), len(costs[0])
+    rows, columns = (side - 2 for side in prices.kinds.shape)
     if not (0 <= start[0] < rows and 0 <= start[1] < columns):
         return None
-    best: dict[Cell, float] = {start: 0.0}
-    parent: dict[Cell, Cell] = {}
-    queue: list[tuple[float, Cell]] = [(0.0, start)]
+    width = columns + 2
+    kinds = prices.kinds.ravel().data
+    best: Any = np.zeros(len(kinds)).data  # of where it came; a page that is not touched takes no memory
+    back: Any = np.zeros(len(kinds), np.int16).data
+    price_of = prices.by_kind
+    steps = [(i * width + j, sqrt(i * i + j * j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+    goals = {(row + 1) * width + column + 1 for row, column in wanted}
+    first = (start[0] + 1) * width + start[1] + 1
+    back[first] = _BEGINNING
+    queue: list[tuple[float, int]] = [(0.0, first)]
+    pop, push = heapq.heappop, heapq.heappush
+    until_yield = CELLS_AT_ONCE
     while queue:
-        cost, cell = heapq.heappop(queue)
+        cost, cell = pop(queue)
         if cost > best[cell]:
             continue
-        if is_goal(cell):
-            path = [cell]
-            while path[-1] in parent:
-                path.append(parent[path[-1]])
-            return path[::-1], cost
-        for i, j, length in _NEIGHBOURS:
-            r, c = cell[0] + i, cell[1] + j
-            if not (0 <= r < rows and 0 <= c < columns):
-                continue
-            price = costs[r][c]
-            if price == 0.0:
-                continue
-            total = cost + price * length
-            if total < best.get((r, c), float("inf")):
-                best[(r, c)] = total
-                parent[(r, c)] = cell
-                heapq.heappush(queue, (total, (r, c)))
+        if cell in goals:
+            return _traced(back, cell, width)
+        for step, length in steps:
+            near = cell + step
+            price = price_of[kinds[near]]
+            if price:
+                total = cost + price * length
+                if not back[near] or total < best[near]:
+                    best[near] = total
+                    back[near] = step
+                    push(queue, (total, near))
+        until_yield -= 1
+        if not until_yield:
+            until_yield = CELLS_AT_ONCE
+            yield CELLS_AT_ONCE * CELL_US
     return None
 
 
-def pull_string(grid: GridMap, cells: list[Cell], blocked: Mask | None = None) -> list[tuple[float, float]]:
+def _traced(back: memoryview, cell: int, width: int) -> Path:
+    """Cells from where the search began: `back` holds the step that led to each."""
+    cells = array("q", [cell])
+    while (step := back[cell]) != _BEGINNING:
+        cell -= step
+        cells.append(cell)
+    rows, columns = np.divmod(np.frombuffer(cells, np.int64)[::-1], width)
+    return np.stack([rows, columns], axis=1) - 1
+
+
+def pull_string(grid: GridMap, path: Path, blocked: Mask | None = None) -> Work[list[tuple[float, float]]]:
     """Way points (map, metres): as few straight legs as keep the clearance that the path itself keeps."""
-    points = [grid.centre(c) for c in cells]
-    clearance = [float(grid.clearance_m[c]) for c in cells]
-    way = [points[0]]
+    clearance = grid.clearance_m((path[:, 0], path[:, 1]))
+    way = [_centre(grid, path, 0)]
     at = 0
-    while at < len(points) - 1:
+    while at < len(path) - 1:
         reach = at + 1
         step = 1
-        while at + step < len(points):
+        while at + step < len(path):
             end = at + step
-            wanted = min(min(clearance[at : end + 1]), 0.6) - 0.5 * grid.cell_m
+            wanted = min(float(clearance[at : end + 1].min()), 0.6) - 0.5 * grid.cell_m
             least_m = max(wanted, STAND_CLEARANCE_M - grid.cell_m)
-            if not straight_is_clear(grid, points[at], points[end], least_m, blocked):
+            yield TRY_US
+            if not straight_is_clear(grid, way[-1], _centre(grid, path, end), least_m, blocked):
                 break
             reach = end
             step += max(1, step // 3)
-        way.append(points[reach])
+        way.append(_centre(grid, path, reach))
         at = reach
     return way
+
+
+def _centre(grid: GridMap, path: Path, i: int) -> tuple[float, float]:
+    row, column = path[i].tolist()
+    return grid.centre((row, column))
 
 
 def straight_is_clear(
     grid: GridMap, a: tuple[float, float], b: tuple[float, float], clearance_m: float, blocked: Mask | None = None
 ) -> bool:
     """Only free cells with that clearance, none of them blocked, between two positions."""
-    rows, columns = grid.line(a, b)
-    clear = (grid.clearance_m[rows, columns] >= clearance_m) & (grid.cells[rows, columns] == FREE)
+    line = grid.line(a, b)
+    clear = (grid.clearance_m(line) >= clearance_m) & (grid.cells[line] == FREE)
     if blocked is not None:
-        clear &= ~blocked[rows, columns]
+        clear &= ~blocked[line]
     return bool(clear.all())

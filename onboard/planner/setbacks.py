@@ -52,11 +52,15 @@ class Obstacles:
         mask = np.zeros(grid.cells.shape, dtype=bool)
         if not self._places:
             return mask
-        rows, columns = np.indices(grid.cells.shape)
-        x = grid.origin_x_m + (columns + 0.5) * grid.cell_m
-        y = grid.origin_y_m + (rows + 0.5) * grid.cell_m
+        reach = int(BLOCK_RADIUS_M / grid.cell_m) + 2
         for x_m, y_m, _ in self._places:
-            mask |= np.hypot(x - x_m, y - y_m) < BLOCK_RADIUS_M
+            row, column = grid.cell(x_m, y_m)
+            r0, c0 = max(row - reach, 0), max(column - reach, 0)
+            near = mask[r0 : max(row + reach, 0), c0 : max(column + reach, 0)]
+            rows, columns = np.indices(near.shape)
+            x = grid.origin_x_m + (columns + c0 + 0.5) * grid.cell_m
+            y = grid.origin_y_m + (rows + r0 + 0.5) * grid.cell_m
+            near |= np.hypot(x - x_m, y - y_m) < BLOCK_RADIUS_M
         return mask
 
     def on_leg(self, a: tuple[float, float], b: tuple[float, float]) -> bool:

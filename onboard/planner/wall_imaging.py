@@ -16,8 +16,10 @@ import numpy.typing as npt
 
 from common.constants import CAMERA_FIELD_OF_VIEW_RAD, CAMERA_INCIDENCE_MAX_RAD, CAMERA_RANGE_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from onboard.planner.exploration import Cells
+from onboard.planner.exploration import Cells, considered
 from onboard.planner.grid_map import WALL, Cell, GridMap, Mask
+from onboard.planner.grid_reading import tiles
+from onboard.planner.work import Work
 
 SPACING_M = 0.1  # between two looks
 TURNED_RAD = radians(5.0)
@@ -32,6 +34,10 @@ SIGHT_GAP_M = 0.2  # a sight line ends before the wall itself
 AHEAD_M = (-0.3, 2.0)  # along the way, in which an unseen wall on the right is worth going on for
 SAME_WALL_RAD = radians(30.0)
 SAME_WALL_M = 1.0
+TILE_CELLS = 200  # of a large grid, along both axes
+HALO_CELLS = LINE_REACH_CELLS + UNSEEN_REACH_CELLS + 1  # around a tile: as far as one cell matters to another
+CELLS_JUDGED_PER_US = 5
+SPOT_US = 100
 _KEY_ROWS = 1 << 20
 
 Keys = npt.NDArray[np.int64]  # (N,) cells of the map, whatever part of it a grid shows
@@ -76,15 +82,20 @@ class WallImaging:
         """Cells (rows, columns) of walls that nobody has looked at; corners and blots do not count."""
         return self._unseen(grid, wall_normals(grid))
 
-    def spots(self, grid: GridMap) -> dict[Cell, float]:
-        """Where to stand to see what is unseen, and the heading there, radians in the map."""
+    def spots(self, grid: GridMap, here: Pose2) -> Work[dict[Cell, float]]:
+        """Where to stand to see what is unseen, and the heading there, radians in the map; `here` is the robot."""
         for pose in self._recent:
             self._add(grid, pose)
-        normals_rad = wall_normals(grid)
-        cells = np.argwhere(self._unseen(grid, normals_rad))
+        normals_rad, unseen = np.zeros(grid.cells.shape), np.zeros(grid.cells.shape, dtype=bool)
+        for tile, around, inside in tiles(grid.cells.shape, TILE_CELLS, HALO_CELLS):
+            part, first = grid.part(around), (around[0].start, around[1].start)
+            normals = wall_normals(part, first)
+            normals_rad[tile], unseen[tile] = normals[inside], self._unseen(part, normals)[inside]
+            yield part.cells.size // CELLS_JUDGED_PER_US
         found: dict[Cell, float] = {}
-        for (row, column), normal_rad in zip(cells.tolist(), normals_rad[tuple(cells.T)].tolist(), strict=True):
-            wall = grid.centre((row, column))
+        for row, column in considered(grid, unseen, here).tolist():
+            yield SPOT_US
+            wall, normal_rad = grid.centre((row, column)), float(normals_rad[row, column])
             for towards_rad in (normal_rad, normal_rad + pi):
                 spot = _spot(grid, wall, towards_rad)
                 if spot is not None:
@@ -140,13 +151,14 @@ def beginning(spots: dict[Cell, float], grid: GridMap, near: Cell) -> Cell:
     return row, column
 
 
-def wall_normals(grid: GridMap) -> FloatArray:
+def wall_normals(grid: GridMap, first: Cell = (0, 0)) -> FloatArray:
     """Direction of the normal (rows, columns), radians in [0, pi), of the cells of straight wall; NaN elsewhere.
 
-    The minor axis of the second moments of the wall cells around each.
+    The minor axis of the second moments of the wall cells around each. `first`: where the grid begins in a larger one.
     """
     walls = (grid.cells == WALL).astype(np.float64)
-    rows, columns = np.indices(walls.shape, dtype=np.float64)
+    rows, columns = (np.arange(count, dtype=np.float64) + at for count, at in zip(walls.shape, first, strict=True))
+    rows = rows[:, None]
     n = np.maximum(box_sum(walls, LINE_REACH_CELLS), 1.0)
     x, y = box_sum(walls * columns, LINE_REACH_CELLS) / n, box_sum(walls * rows, LINE_REACH_CELLS) / n
     xx = box_sum(walls * columns**2, LINE_REACH_CELLS) / n - x**2

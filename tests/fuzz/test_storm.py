@@ -1,7 +1,6 @@
 """Whatever can be decoded, and whatever only looks as if it could, comes to every node on all of its topics.
 
-Not covered: arrays of more than LONGEST rows (of less for the recorder), and grids of more than LONGEST_SIDE cells a
-side.
+Not covered: arrays of more than LONGEST rows (of less for the recorder).
 """
 
 from __future__ import annotations

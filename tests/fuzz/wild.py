@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.codec import CODEC_VERSION
-from common.fields import Shape, UpTo, Within
+from common.fields import GRID_CELLS_MAX, Shape, UpTo, Within
 from common.messages import GridUpdate
 
 P = TypeVar("P")
@@ -55,7 +55,7 @@ POISONS: tuple[Any, ...] = (
     ),
 )
 _RARE = 0.005
-LONGEST_SIDE = 600  # of a grid: 60 m
+_RARE_GRID = 0.05  # as large as the codec lets through
 LONGEST = 200_000  # of an array, below the bound of some: three hours of driving
 
 
@@ -89,7 +89,10 @@ def fit(payload: type[P], chance: random.Random, longest: int = LONGEST) -> P:
 
 def _floor(chance: random.Random) -> dict[str, Any]:
     """Cells that fill their rows and columns: noise, or large pieces of one kind."""
-    rows, columns = (chance.choice((1, 7, 60, 200, LONGEST_SIDE if chance.random() < 0.1 else 90)) for _ in range(2))
+    rows, columns = (chance.choice((1, 7, 60, 90, 200)) for _ in range(2))
+    if chance.random() < _RARE_GRID:
+        rows = chance.choice((200, 2_000, 20_000))
+        columns = GRID_CELLS_MAX // rows
     numbers = np.random.default_rng(chance.getrandbits(32))
     coarse = chance.choice((1, 4, 30))
     cells = numbers.integers(0, 3, (rows // coarse + 1, columns // coarse + 1), np.uint8)

@@ -9,9 +9,11 @@ import pytest
 
 from common.geometry import Pose2
 from onboard.planner.exploration import (
+    CONSIDERED_MAX,
     STRAIGHT_MAX_M,
     Exploration,
     Frontier,
+    considered,
     groups,
     opening_on_the_right,
     something_ahead,
@@ -25,7 +27,7 @@ EAST = 0.0
 
 
 def frontier_of(grid: GridMap) -> Frontier:
-    return Exploration().frontier(grid, np.zeros(grid.cells.shape, dtype=bool))
+    return Exploration().frontier(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0))
 
 
 def junction(opening_m: float = 2.0) -> GridMap:
@@ -63,14 +65,23 @@ def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> N
     exploration = Exploration()
     for y_m in (2.5, 3.0, 3.5):
         exploration.give_up(8.9, y_m)
-    left = groups(grid, exploration.frontier(grid, np.zeros(grid.cells.shape, dtype=bool)))
+    left = groups(grid, exploration.frontier(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)))
     assert [group.x_m for group in left] == pytest.approx([1.05])
 
 
 def test_what_is_blocked_is_no_frontier() -> None:
     grid = hall(closed=False)
     assert len(frontier_of(grid).cells)
-    assert not len(Exploration().frontier(grid, np.ones(grid.cells.shape, dtype=bool)).cells)
+    assert not len(Exploration().frontier(grid, np.ones(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)).cells)
+
+
+def test_of_too_many_cells_those_around_the_robot_are_considered() -> None:
+    grid = drawn([], size_m=(30.0, 30.0))
+    mask = np.ones(grid.cells.shape, dtype=bool)
+    cells = considered(grid, mask, Pose2(25.0, 5.0, 0.0))
+    assert CONSIDERED_MAX / 10 < len(cells) <= CONSIDERED_MAX
+    assert np.abs(grid.centres(cells) - np.array([25.0, 5.0])).max() < 5.0
+    assert len(considered(grid, mask, Pose2(-500.0, 5.0, 0.0))) <= CONSIDERED_MAX
 
 
 def test_straight_on_ends_before_the_wall() -> None:

@@ -11,7 +11,9 @@ import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.messages import GridUpdate
-from onboard.planner.grid_map import FREE, UNKNOWN, WALL, GridError, GridMap
+from onboard.planner.grid_map import FREE, UNKNOWN, WALL, GridMap, close_slivers
+from onboard.planner.grid_reading import GridError, GridReader, read
+from onboard.planner.work import Sliced, at_once
 
 CELL_M = 0.1
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
@@ -56,7 +58,7 @@ def update_of(grid: GridMap, revision: int = 1, margin: int = 0, t_s: float = 0.
 
 
 def test_message_is_read_and_cut_to_what_is_known() -> None:
-    grid = GridMap.from_update(update_of(hall(), margin=50))
+    grid = at_once(read(update_of(hall(), margin=50)))
     assert grid.cells.shape[0] < 50
     assert grid.cells[grid.cell(3.0, 2.0)] == FREE
     assert grid.cells[grid.cell(3.0, 0.95)] == WALL
@@ -75,26 +77,54 @@ def test_message_is_read_and_cut_to_what_is_known() -> None:
 )
 def test_a_message_that_is_no_grid_is_refused(broken: dict[str, Any]) -> None:
     with pytest.raises(GridError):
-        GridMap.from_update(replace(update_of(hall()), **broken))
+        at_once(read(replace(update_of(hall()), **broken)))
+
+
+def test_a_large_grid_is_read_in_slices_and_as_if_at_once() -> None:
+    chance = np.random.default_rng(1)
+    coarse = chance.choice(np.array([UNKNOWN, FREE, FREE, WALL], np.uint8), (250, 180))
+    cells = np.kron(coarse, np.ones((6, 7), np.uint8))
+    cells[chance.random(cells.shape) < 0.1] = UNKNOWN
+    cells[[0, -1]] = FREE
+    work = Sliced(read(update_of(GridMap(cells, -20.0, 5.0, CELL_M))))
+    slices = 1
+    while not work.advance(budget=10_000):
+        slices += 1
+    grid, whole = work.result, GridMap(close_slivers(cells), -20.0, 5.0, CELL_M)
+    assert slices > 5
+    assert (grid.cells == whole.cells).all()
+    assert (grid.wall_distance2 == whole.wall_distance2).all()
+    assert (grid.frontier == whole.frontier).all()
+
+
+def test_a_grid_that_comes_while_another_is_read_is_read_next() -> None:
+    reader = GridReader()
+    large = update_of(drawn([(1.0, 1.0, 199.0, 199.0)], size_m=(200.0, 200.0)))
+    reader.take(large)
+    assert reader.advance() is None
+    reader.take(update_of(hall(4.0)))
+    reader.take(update_of(hall()))
+    grids = [grid for grid in (reader.advance() for _ in range(50)) if grid is not None]
+    assert [grid.cells.shape for grid in grids] == [(1988, 1988), at_once(read(update_of(hall()))).cells.shape]
 
 
 def test_a_grid_with_nothing_known_has_no_frontier_and_no_area() -> None:
-    grid = GridMap.from_update(update_of(drawn([])))
+    grid = at_once(read(update_of(drawn([]))))
     assert not grid.frontier.any()
     assert grid.area_m2 == 0.0
 
 
 def test_clearance_is_the_distance_to_the_nearest_wall_cell() -> None:
     grid = hall(width_m=2.0)
-    assert grid.clearance_m[grid.cell(5.0, 1.95)] == pytest.approx(1.0, abs=0.1)
-    assert grid.clearance_m[grid.cell(5.0, 1.25)] == pytest.approx(0.3, abs=0.1)
-    assert grid.clearance_m[grid.cell(8.95, 2.0)] == pytest.approx(0.1, abs=0.01)
+    assert grid.clearance_m(grid.cell(5.0, 1.95)) == pytest.approx(1.0, abs=0.1)
+    assert grid.clearance_m(grid.cell(5.0, 1.25)) == pytest.approx(0.3, abs=0.1)
+    assert grid.clearance_m(grid.cell(8.95, 2.0)) == pytest.approx(0.1, abs=0.01)
 
 
 @pytest.mark.requirement("PLN_MR_03")
 def test_the_hull_stands_nowhere_that_it_would_touch() -> None:
     grid = hall()
-    standable = np.argwhere(grid.standable)
+    standable = np.argwhere(grid.standable())
     walls = grid.centres(np.argwhere(grid.cells == WALL))
     for place in grid.centres(standable)[::7]:
         to_face_m = np.hypot(*(walls - place).T).min() - CELL_M / 2

@@ -61,7 +61,7 @@ class Drive:
         return self.mission.mode is mode
 
     def nearest_wall_m(self) -> float:
-        return float(self.grid.clearance_m[self.grid.cell(self.pose.x_m, self.pose.y_m)])
+        return float(self.grid.clearance_m(self.grid.cell(self.pose.x_m, self.pose.y_m)))
 
 
 def test_a_mission_waits_for_its_start() -> None:
@@ -90,6 +90,29 @@ def test_a_place_that_was_asked_for_is_driven_to_round_the_wall() -> None:
         nearest_m = min(nearest_m, drive.nearest_wall_m())
     assert drive.pose.distance_m(Pose2(8.0, 1.6, 0.0)) < 0.8
     assert nearest_m > 0.25
+
+
+def test_a_way_that_takes_long_to_find_is_waited_for_and_driven() -> None:
+    drive = Drive(drawn([(0.0, 0.0, 40.0, 40.0)], size_m=(40.0, 40.0)), Pose2(38.0, 38.0, 0.0))
+    drive.mission.go_to(2.0, 2.0)
+    speeds = [drive.step().speed]
+    while drive.mission.deliberates:
+        speeds.append(drive.step().speed)
+    assert speeds == [Speed.STOP] * len(speeds)
+    assert 3 < len(speeds) < 50
+    assert drive.mission.way[-1] == (2.0, 2.0)
+    assert drive.step().speed is not Speed.STOP
+
+
+def test_who_is_sent_home_does_not_go_on_looking_for_another_way() -> None:
+    drive = Drive(drawn([(-1.0, -1.0, 40.0, 40.0)], [], (41.0, 41.0), (-1.0, -1.0)), Pose2(38.0, 38.0, 0.0))
+    drive.mission.go_to(2.0, 30.0)
+    drive.step()
+    assert drive.mission.deliberates
+    drive.mission.go_home()
+    while drive.step().speed is Speed.STOP:
+        pass
+    assert drive.mission.way[-1] == (0.0, 0.0)
 
 
 def test_home_that_cannot_be_reached_is_waited_for_and_reached_when_the_way_is_open_again() -> None:

@@ -13,11 +13,12 @@ from onboard.planner.grid_map import Cell, GridMap, Mask
 from onboard.planner.route_planning import (
     TIGHT_CLEARANCE_M,
     TIGHT_PRICE,
-    cell_costs,
+    cell_prices,
     pull_string,
     shortest_path,
     straight_is_clear,
 )
+from onboard.planner.work import at_once
 from tests.unit.test_planner_grid_map import drawn, hall
 
 
@@ -28,8 +29,8 @@ def path(
     blocked: Mask | None = None,
 ) -> list[Cell] | None:
     start, goal = grid.cell(*a), grid.cell(*b)
-    found = shortest_path(cell_costs(grid, start, blocked), start, lambda cell: cell == goal)
-    return None if found is None else found[0]
+    found = at_once(shortest_path(cell_prices(grid, start, blocked), start, {goal}))
+    return None if found is None else [(row, column) for row, column in found.tolist()]
 
 
 def two_rooms(gap_m: float) -> GridMap:
@@ -48,7 +49,7 @@ def test_a_way_leads_through_the_opening_and_not_through_the_wall() -> None:
     assert cells is not None
     assert cells[0] == grid.cell(2.0, 1.6)
     assert cells[-1] == grid.cell(8.0, 1.6)
-    assert all(grid.standable[cell] for cell in cells)
+    assert all(grid.standable(cell) for cell in cells)
     crossing = [grid.centre(c)[1] for c in cells if abs(grid.centre(c)[0] - 5.05) < 0.1]
     assert crossing == pytest.approx([3.0] * len(crossing), abs=0.3)
 
@@ -82,7 +83,7 @@ def staggered(opening_m: float = 0.0) -> GridMap:
 
 
 def tight_cells(grid: GridMap, cells: list[Cell]) -> list[Cell]:
-    return [cell for cell in cells if not grid.standable[cell]]
+    return [cell for cell in cells if not grid.standable(cell)]
 
 
 @pytest.mark.requirement("PLN_MR_03")
@@ -92,9 +93,9 @@ def test_a_gap_that_the_hull_just_fits_is_taken_where_no_other_way_leads() -> No
     assert cells is not None
     tight = tight_cells(grid, cells)
     assert tight
-    assert min(grid.clearance_m[cell] for cell in tight) >= TIGHT_CLEARANCE_M
-    costs = cell_costs(grid, cells[0])
-    assert [costs[row][column] for row, column in tight] == pytest.approx([TIGHT_PRICE * grid.cell_m] * len(tight))
+    assert min(grid.clearance_m(cell) for cell in tight) >= TIGHT_CLEARANCE_M
+    prices = cell_prices(grid, cells[0])
+    assert [prices.of(cell) for cell in tight] == pytest.approx([TIGHT_PRICE * grid.cell_m] * len(tight))
 
 
 @pytest.mark.requirement("PLN_MR_03")
@@ -119,7 +120,7 @@ def test_blocked_cells_are_gone_round_or_leave_no_way() -> None:
 
 def test_a_robot_that_stands_too_near_to_a_wall_finds_its_way_out() -> None:
     grid = hall()
-    assert not grid.standable[grid.cell(4.0, 1.15)]
+    assert not grid.standable(grid.cell(4.0, 1.15))
     assert path(grid, (4.0, 1.15), (8.0, 2.0)) is not None
 
 
@@ -135,31 +136,33 @@ def test_a_robot_inside_of_what_blocks_finds_its_way_out() -> None:
 
 def test_in_the_middle_of_a_hall_a_way_costs_its_length() -> None:
     grid = hall()
-    start, goal = grid.cell(1.6, 2.0), grid.cell(8.4, 2.0)
-    found = shortest_path(cell_costs(grid, start), start, lambda c: c == goal)
-    assert found is not None
-    assert found[1] == pytest.approx(6.8, rel=0.1)
+    cells = path(grid, (1.6, 2.0), (8.4, 2.0))
+    assert cells is not None
+    prices = cell_prices(grid, cells[0])
+    assert sum(prices.of(cell) for cell in cells[1:]) == pytest.approx(6.8, rel=0.1)
 
 
 def test_the_nearest_of_several_goals_is_taken() -> None:
     grid = hall()
     start, goals = grid.cell(5.0, 2.0), {grid.cell(2.0, 2.0), grid.cell(6.0, 2.0)}
-    found = shortest_path(cell_costs(grid, start), start, goals.__contains__)
+    found = at_once(shortest_path(cell_prices(grid, start), start, goals))
     assert found is not None
-    assert found[0][-1] == grid.cell(6.0, 2.0)
+    assert tuple(found[-1].tolist()) == grid.cell(6.0, 2.0)
 
 
 def test_from_outside_of_the_grid_there_is_no_way() -> None:
     grid = hall()
-    costs = cell_costs(grid, grid.cell(2.0, 2.0))
-    assert shortest_path(costs, grid.cell(-3.0, 2.0), lambda _: True) is None
+    prices = cell_prices(grid, grid.cell(2.0, 2.0))
+    assert at_once(shortest_path(prices, grid.cell(-3.0, 2.0), {grid.cell(2.0, 2.0)})) is None
 
 
 def test_a_robot_outside_of_the_grid_that_it_last_received_gets_the_prices_of_the_rest() -> None:
     grid = hall()
     blocked = np.zeros(grid.cells.shape, dtype=bool)
     blocked[20, 20] = True
-    assert cell_costs(grid, grid.cell(50.0, 2.0), blocked) == cell_costs(grid, grid.cell(-50.0, 2.0), blocked)
+    before, behind = (cell_prices(grid, grid.cell(x_m, 2.0), blocked) for x_m in (50.0, -50.0))
+    assert (before.kinds == behind.kinds).all()
+    assert before.by_kind == behind.by_kind
 
 
 @pytest.mark.requirement("PLN_MR_03")
@@ -167,7 +170,7 @@ def test_string_pulling_leaves_few_legs_and_keeps_the_clearance() -> None:
     grid = two_rooms(1.6)
     cells = path(grid, (2.0, 1.6), (8.0, 1.6))
     assert cells is not None
-    way = pull_string(grid, cells)
+    way = at_once(pull_string(grid, np.array(cells)))
     assert way[0] == grid.centre(cells[0])
     assert way[-1] == grid.centre(cells[-1])
     assert len(way) <= 8
@@ -180,4 +183,4 @@ def test_string_pulling_leaves_few_legs_and_keeps_the_clearance() -> None:
 def test_a_way_of_one_cell_is_its_own_end() -> None:
     grid = hall()
     cell = grid.cell(4.0, 2.0)
-    assert pull_string(grid, [cell]) == [grid.centre(cell)]
+    assert at_once(pull_string(grid, np.array([cell]))) == [grid.centre(cell)]

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from common.geometry import Pose2, wrap_angle
 from onboard.planner.grid_map import WALL, GridMap
 from onboard.planner.wall_imaging import WallImaging, beginning, box_sum, wall_normals
+from onboard.planner.work import at_once
 from tests.unit.test_planner_grid_map import drawn, hall
 
 LOWER_M, UPPER_M = 0.95, 3.05  # middles of the two long walls of `hall`
@@ -65,17 +66,17 @@ def test_a_wall_behind_a_wall_is_not_seen() -> None:
 def test_spots_face_along_the_unseen_wall_and_have_it_on_the_right() -> None:
     grid = hall()
     imaging = driven(grid, 1.5, 8.5, 0.0)
-    spots = imaging.spots(grid)
+    spots = at_once(imaging.spots(grid, Pose2(5.0, 2.0, 0.0)))
     along = {cell: rad for cell, rad in spots.items() if abs(abs(rad) - pi) < radians(20.0)}
     assert len(along) > 40
     for cell in along:
-        assert grid.standable[cell]
+        assert grid.standable(cell)
         assert grid.centre(cell)[1] == pytest.approx(UPPER_M - 1.5, abs=0.35)
 
 
 def test_a_stretch_is_begun_at_its_rear_end() -> None:
     grid = hall()
-    spots = driven(grid, 1.5, 8.5, 0.0).spots(grid)
+    spots = at_once(driven(grid, 1.5, 8.5, 0.0).spots(grid, Pose2(8.5, 2.0, 0.0)))
     middle = min(spots, key=lambda cell: abs(grid.centre(cell)[0] - 5.0) + abs(abs(spots[cell]) - pi))
     assert grid.centre(beginning(spots, grid, middle))[0] > 8.0
 
