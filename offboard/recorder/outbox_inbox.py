@@ -1,29 +1,12 @@
-"""Pieces of the robot's outbox -> rows of messages, each once and in order; says what it wants next. Pure."""
+"""Pieces of the robot's outbox -> its rows, each once and in order, and what is wanted next. Pure."""
 
 from __future__ import annotations
 
-import logging
-from dataclasses import dataclass, field
-
-import msgpack
-
-from common.codec import DecodeError, read_header
 from common.messages import OutboxPiece, OutboxReceipt
-from common.recording import MESSAGE_BYTES_MAX, Losses, RecordedMessage, add_loss
+from common.recording import MESSAGE_BYTES_MAX
 
 TOTAL_BYTES_MAX = 2 * MESSAGE_BYTES_MAX
 HANDOVER_S = 10.0  # longer than the outbox waits for a recorder that has ended
-_SENSELESS = (ValueError, TypeError, DecodeError, msgpack.UnpackException)
-
-_log = logging.getLogger("recorder")
-
-
-@dataclass(slots=True)
-class RowContent:
-    """The messages of some rows, and what was dropped before them."""
-
-    messages: list[RecordedMessage] = field(default_factory=list)
-    dropped: Losses = field(default_factory=dict)
 
 
 class OutboxInbox:
@@ -41,7 +24,6 @@ class OutboxInbox:
         self._next_row = 0  # of the newest piece's outbox: the first that is not stored yet
         self._newest: OutboxPiece | None = None
         self._bytes = bytearray()
-        self._rows: list[tuple[int, bytes]] = []  # number and content of those that are complete
 
     def another_is_served(self, now_s: float) -> bool:
         """The outbox sends to another recorder, and it is no mere leftover from before that one ended."""
@@ -68,25 +50,18 @@ class OutboxInbox:
             return
         self._bytes += piece.data
         if len(self._bytes) == piece.total_bytes:
-            self.complete, self._rows = piece, _rows_in(bytes(self._bytes))
+            self.complete = piece
 
-    def content(self) -> RowContent:
-        """Of the rows that are complete."""
-        content = RowContent()
-        for _, row in self._rows:
-            try:
-                _add_row(content, row)
-            except _SENSELESS as error:
-                # Sent again it would be the same: kept waiting, it would keep all later ones out
-                _log.error("a row of the outbox makes no sense error=%s", error)
-        return content
+    def rows(self) -> bytes:
+        """Those that are complete, for `unpack_rows`; none while there are none."""
+        return bytes(self._bytes) if self.complete is not None else b""
 
-    def stored(self) -> None:
-        """The database has the rows that were complete."""
+    def stored(self, newest_row: int) -> None:
+        """The database has the rows that were complete; `newest_row` as `unpack_rows` says."""
         assert self.complete is not None
-        self._next_row = max([self.complete.number, *(number for number, _ in self._rows)]) + 1
+        self._next_row = max(self.complete.number, newest_row) + 1
         self._bytes.clear()
-        self.complete, self._rows = None, []
+        self.complete = None
 
     def receipt(self, now_s: float) -> OutboxReceipt | None:
         """What is wanted next of the outbox that spoke last; None while none did."""
@@ -101,29 +76,3 @@ class OutboxInbox:
 
 def _rows_of(piece: OutboxPiece) -> tuple[int, int, int]:
     return piece.outbox_id, piece.number, piece.total_bytes
-
-
-def _rows_in(data: bytes) -> list[tuple[int, bytes]]:
-    """Number and content of each row; none of what makes no sense."""
-    try:
-        return [(_number(number), bytes(row)) for number, row in msgpack.unpackb(data)]
-    except _SENSELESS as error:
-        _log.error("rows of the outbox make no sense error=%s", error)
-        return []
-
-
-def _add_row(content: RowContent, row: bytes) -> None:
-    messages, losses = msgpack.unpackb(row)
-    for key, *_, data in messages:
-        sequence, boot_id = read_header(data)
-        content.messages.append(RecordedMessage(str(key), boot_id, sequence, data))
-    for key, boot_id, *span in losses:
-        if len(span) == 2:  # an older outbox counted them only: the hole in the numbers shows them
-            add_loss(content.dropped, (str(key), _number(boot_id)), *map(_number, span))
-
-
-def _number(value: object) -> int:
-    """As a database holds it."""
-    if type(value) is not int or not 0 <= value < 2**63:
-        raise ValueError(f"{value!r} is no number")
-    return value

@@ -4,6 +4,9 @@ The robot's messages come through the outbox of comm, the laptop's own directly:
 Acknowledged is what the database holds, safe from a power cut; the files of the run folder are made from it. Its
 process is the Zenoh router of the laptop. While the disk takes nothing, nothing is acknowledged and nothing piles up
 here: the robot keeps it.
+
+Everything that takes its time, decoding a map of any size included, is done by the thread of the disk (`kept_run.py`);
+the pictures are drawn beside that.
 """
 
 from __future__ import annotations
@@ -18,22 +21,22 @@ from common.bus import Bus
 from common.database import disk_full, lost
 from common.disk_worker import DISK_ERRORS, DiskError, DiskWorker
 from common.errors import ErrorCode
-from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, ROBOT_RECORDED, OutboxReceipt
+from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, OutboxReceipt
 from common.recording import Losses, RecordedMessage, add_loss
 from common.status import StatusReporter
 from common.undecodable import Undecodable
-from offboard.recorder.live_copies import LiveCopies
+from offboard.recorder.kept_run import Delivered, Handover, KeptRun, RunState, Written
 from offboard.recorder.outbox_inbox import OutboxInbox
-from offboard.recorder.run_opening import OpenRun, open_run, reopen_run
-from offboard.recorder.run_schema import Delivery, Result, Summary
+from offboard.recorder.pictures import draw, draw_apart
+from offboard.recorder.run_opening import OF_COMM, open_run, reopen_run
+from offboard.recorder.run_schema import Summary
 
 WRITE_PERIOD_S = 10.0
 STORE_PERIOD_S = 0.25  # of the laptop's own messages; what the outbox brings is stored at once
 RETRY_S = 1.0  # after the disk refused
 RECEIPT_PERIOD_S = 1.0
 WAITING_MAX = 4096  # messages of the laptop's own that wait for the disk
-SUMMARY_ROWS = 10_000  # so many new messages at most are read at a restart, and those of one WRITE_PERIOD_S
-_OF_COMM = tuple(topic for topic in ROBOT_RECORDED if topic.producer == "comm")
+_COPIED = frozenset(topic.key for topic in OF_COMM)  # for these the outbox answers
 
 _log = logging.getLogger("recorder")
 
@@ -49,29 +52,31 @@ class Recorder:
         self.run_dir = run_dir
         self._date = date
         self._status = StatusReporter(self.name)
-        self._disk: DiskWorker[OpenRun | Result] = DiskWorker("recorder", at_once=date is None)
-        self._run: OpenRun | None = None
+        at_once = date is None
+        self._disk: DiskWorker[KeptRun | Delivered | Written] = DiskWorker("recorder", at_once=at_once)
+        self._artist: DiskWorker[None] = DiskWorker("pictures", at_once=at_once)
+        self._draw = draw if at_once else draw_apart
+        self._run: KeptRun | None = None  # belongs to the disk's thread from its opening on
+        self._state = RunState(finished=False, missing=0)
         self._lost: DiskError | None = None  # why there must be another database
         # Of a new run; one that is continued keeps its own, so that the robot's outbox knows it again
-        self._inbox = OutboxInbox(1 if date is None else 1 + secrets.randbelow(2**48))
-        self._copies = LiveCopies((), {})
+        self._inbox = OutboxInbox(1 if at_once else 1 + secrets.randbelow(2**48))
         self._waiting: list[RecordedMessage] = []
         self._dropped: Losses = {}
-        self._delivery: Delivery | None = None  # handed to the disk, not known to be there
-        self._row = self._summary_row = 0  # the files hold the messages up to here, and a summary those up to there
+        self._handover: Handover | None = None  # the disk has it, or refused it; not known to be stored
         self._summary: Summary | None = None  # to be stored
         self._store_due_s = self._open_due_s = float("-inf")
         self._receipt: OutboxReceipt | None = None
         self._undecodable = Undecodable("stored but undecodable")
         self._next_write_s: float | None = None
-        self._drawn = False
+        self._picture_due = self._drawn = False
         self._refusal: DiskError | None = None  # why the disk takes nothing at present
         self._told_lost = ""
 
     @property
     def finished(self) -> bool:
-        """The database holds the Planner's word that the mission is finished."""
-        return self._run is not None and self._run.files.finished
+        """The database holds the Planner's message that the mission is finished."""
+        return self._state.finished
 
     def step(self, bus: Bus, now_s: float) -> None:
         self._open_in_time(now_s)
@@ -79,30 +84,35 @@ class Recorder:
         run = self._run
         if run is not None and self._lost is None:
             self._receive_data(bus, now_s)
+            self._write_in_time(run, now_s)
+            self._draw_in_time()
             self._store_data(run, now_s)
             self._acknowledge(bus, now_s)
-            self._write_in_time(run, now_s)
         self._report(bus, now_s)
 
     def close(self) -> None:
         """Store and write everything that is not on the disk yet, pictures of the map included."""
         outcome = self._disk.close()
+        self._artist.close()
         done = outcome.value if outcome is not None else None
-        if isinstance(done, OpenRun):
+        if isinstance(done, KeptRun):
             self._run, self._lost = done, None
-        elif done is not None:
-            self._stored(done)
+        elif isinstance(done, Delivered):
+            self._delivered(done)
         run = self._run
         if run is None:
             return
         if self._lost is None:
-            self._store_at_once(run)
-            self._write(run, with_pictures=True)
-            self._on_disk(lambda: self._sum_up(run))
-            self._store_at_once(run)
-        run.files.close()
-        run.database.close()
+            self._finish(run)
+        run.close()
         self._run = None
+
+    def _finish(self, run: KeptRun) -> None:
+        """Here and now."""
+        self._store_at_once(run)
+        self._on_disk(lambda: self._written(run.write(sum_up=True)))
+        self._store_at_once(run)
+        self._draw(self.run_dir)
 
     def _open_in_time(self, now_s: float) -> None:
         run, error = self._run, self._lost
@@ -115,21 +125,19 @@ class Recorder:
         else:
             self._disk.begin(lambda: reopen_run(run, error, self._date))
 
-    def _opened(self, run: OpenRun, bus: Bus) -> None:
+    def _opened(self, run: KeptRun, bus: Bus) -> None:
         first, self._run, self._lost = self._run is None, run, None
         self._disk_takes_it()
         if run.lost:
             _log.error(run.lost)
             self._told_lost = run.lost
         self._inbox.recorder_id = run.database.recorder_id
-        self._row = self._summary_row = 0
+        self._state = run.state()
         self._summary = None
-        if self._delivery is not None:
-            self._delivery.summary = None
+        if self._handover is not None:
+            self._handover.summary = None
         if first:
-            heard = run.database.heard((*LAPTOP_RECORDED, *_OF_COMM))
-            self._copies = LiveCopies((topic.key for topic in _OF_COMM), run.database.heard(_OF_COMM))
-            bus.record((*LAPTOP_RECORDED, *_OF_COMM), heard)
+            bus.record((*LAPTOP_RECORDED, *OF_COMM), run.heard)
             bus.take(OUTBOX)
 
     def _receive_data(self, bus: Bus, now_s: float) -> None:
@@ -137,69 +145,70 @@ class Recorder:
             self._inbox.take(piece, now_s)
         # What does not fit stays with the bus, and with the producers beyond that
         if len(self._waiting) < WAITING_MAX:
-            self._waiting += self._copies.keep(bus.take_recorded())
-            copied = {topic.key for topic in _OF_COMM}  # for these the outbox answers
+            self._waiting += bus.take_recorded()
             for source, span in bus.take_lost().items():
-                if source[0] not in copied:
+                if source[0] not in _COPIED:
                     add_loss(self._dropped, source, *span)
 
-    def _store_data(self, run: OpenRun, now_s: float) -> None:
+    def _store_data(self, run: KeptRun, now_s: float) -> None:
         due = self._inbox.complete is not None or now_s >= self._store_due_s
         if self._refusal is not None:
             due = now_s >= self._store_due_s
-        delivery = self._make_delivery(now_s) if due and not self._disk.busy else None
-        if delivery is None:
+        handover = self._make_handover(now_s) if due and not self._disk.busy else None
+        if handover is None:
             return
         self._store_due_s = now_s + (STORE_PERIOD_S if self._refusal is None else RETRY_S)
-        self._disk.begin(lambda: run.database.store_data(delivery))
+        self._disk.begin(lambda: run.store(handover))
 
-    def _store_at_once(self, run: OpenRun) -> None:
-        delivery = self._make_delivery(0.0 if self._receipt is None else self._receipt.t_s)
-        if delivery is not None:
-            self._on_disk(lambda: self._stored(run.database.store_data(delivery)))
+    def _store_at_once(self, run: KeptRun) -> None:
+        handover = self._make_handover(0.0 if self._receipt is None else self._receipt.t_s)
+        if handover is not None:
+            self._on_disk(lambda: self._delivered(run.store(handover)))
 
-    def _make_delivery(self, now_s: float) -> Delivery | None:
+    def _make_handover(self, now_s: float) -> Handover | None:
         """What is to be stored now, or is still to be stored; None when there is nothing."""
-        new = self._inbox.complete is not None or self._waiting or self._dropped or self._summary is not None
-        if self._delivery is None and new:
-            delivery = self._delivery = Delivery(now_s, summary=self._summary)
-            if self._inbox.complete is not None:
-                content = self._inbox.content()
-                delivery.messages, delivery.dropped = self._copies.complete(content.messages), content.dropped
-                delivery.from_outbox = True
-            delivery.messages += self._waiting
-            for source, span in self._dropped.items():
-                add_loss(delivery.dropped, source, *span)
-            self._waiting, self._dropped, self._summary = [], {}, None
-        return self._delivery
+        if self._handover is None:
+            rows = self._inbox.rows()
+            if rows or self._waiting or self._dropped or self._summary is not None:
+                self._handover = Handover(now_s, rows, self._waiting, self._dropped, self._summary)
+                self._waiting, self._dropped, self._summary = [], {}, None
+        return self._handover
 
     def _look_at_disk(self, bus: Bus, now_s: float) -> None:
         outcome = self._disk.outcome()
         if outcome is None:
             return
-        if isinstance(outcome.value, OpenRun):
+        if isinstance(outcome.value, KeptRun):
             self._opened(outcome.value, bus)
+        elif isinstance(outcome.value, Delivered):
+            self._delivered(outcome.value)
         elif outcome.value is not None:
-            self._stored(outcome.value)
+            self._disk_takes_it()
+            self._written(outcome.value)
         elif outcome.error is not None and lost(outcome.error) and self._run is not None:
             self._lost, self._open_due_s = outcome.error, now_s
         elif outcome.error is not None:
             self._refused(outcome.error)
             self._store_due_s = now_s + RETRY_S
 
-    def _stored(self, result: Result) -> None:
-        delivery, self._delivery = self._delivery, None
-        if delivery is not None and delivery.from_outbox:
-            self._inbox.stored()
-        if delivery is not None and delivery.summary is not None:
-            self._summary_row = delivery.summary.row
-        self._row = result.row
-        for topic, problem in result.problems.items():
+    def _delivered(self, delivered: Delivered) -> None:
+        self._handover = None
+        if delivered.newest_row is not None:
+            self._inbox.stored(delivered.newest_row)
+        for topic, problem in delivered.problems.items():
             self._undecodable.count(topic, problem)
-        if self._run is not None:
-            for message in result.stored:
-                self._run.files.take(message.payload)
-            self._on_disk(self._run.files.append_poses)
+        if delivered.state.finished and not self._state.finished:
+            self._next_write_s = float("-inf")
+        self._state = delivered.state
+        if delivered.refusal is not None:
+            self._refused(delivered.refusal)
+        else:
+            self._disk_takes_it()
+
+    def _written(self, written: Written) -> None:
+        self._summary = written.summary
+        self._picture_due |= written.finished and not self._drawn
+        self._drawn = written.finished
 
     def _acknowledge(self, bus: Bus, now_s: float) -> None:
         receipt, said = self._inbox.receipt(now_s), self._receipt
@@ -209,36 +218,25 @@ class Recorder:
             self._receipt = receipt
             bus.publish(RECEIPT, receipt)
 
-    def _write_in_time(self, run: OpenRun, now_s: float) -> None:
+    def _write_in_time(self, run: KeptRun, now_s: float) -> None:
         if self._next_write_s is None:
             self._next_write_s = now_s + WRITE_PERIOD_S
-        ends = run.files.finished and not self._drawn
-        if ends or now_s >= self._next_write_s:
+        if now_s >= self._next_write_s and not self._disk.busy:
             self._next_write_s = now_s + WRITE_PERIOD_S
-            self._write(run, with_pictures=ends)
-            if self._row - self._summary_row >= SUMMARY_ROWS:
-                self._on_disk(lambda: self._sum_up(run))
-        self._drawn = run.files.finished
+            self._disk.begin(run.write)
 
-    def _write(self, run: OpenRun, *, with_pictures: bool) -> None:
-        files = run.files
-        if self._on_disk(files.append_poses) and self._on_disk(files.write) and with_pictures:
-            self._on_disk(files.draw)
+    def _draw_in_time(self) -> None:
+        self._artist.outcome()
+        if self._picture_due and not self._artist.busy:
+            self._picture_due = False
+            self._artist.begin(lambda: self._draw(self.run_dir))
 
-    def _sum_up(self, run: OpenRun) -> None:
-        data = run.files.summary()
-        if data is not None:
-            self._summary = Summary(self._row, data)
-
-    def _on_disk(self, action: Callable[[], object]) -> bool:
+    def _on_disk(self, action: Callable[[], object]) -> None:
         """Do it, or say once why the disk refused."""
         try:
             action()
         except DISK_ERRORS as error:
             self._refused(error)
-            return False
-        self._disk_takes_it()
-        return True
 
     def _disk_takes_it(self) -> None:
         if self._refusal is not None:
@@ -258,7 +256,7 @@ class Recorder:
             error = ErrorCode.SECOND_RECORDER
         else:
             error = ErrorCode.DATABASE_LOST if self._told_lost else ErrorCode.OK
-        missing = self._run.files.map.missing if self._run is not None else 0
+        missing = self._state.missing
         undecodable = sum(self._undecodable.counts.values())
         said = (
             f"cannot write the run ({_reason(self._refusal)})" if self._refusal is not None else "",

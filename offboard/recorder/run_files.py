@@ -1,4 +1,4 @@
-"""The files of the run folder, made from what the run database holds: poses, map, points of interest, pictures.
+"""The files of the run folder, made from what the run database holds: poses, map, points of interest.
 
 `trajectory.tum` grows with every pose; the rest is written when the recorder says so. What the disk refuses is kept
 here and tried again.
@@ -29,9 +29,7 @@ from common.messages import (
 from common.messages import Trajectory as SmoothedTrajectory
 from offboard.recorder import run_folder
 from offboard.recorder.map_assembly import MapAssembly
-from offboard.tools.export import export_run
 
-EXPORT_FORMATS = ("svg", "png")
 TOPICS_OF_FILES: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, POI, PLAN)
 
 _log = logging.getLogger("recorder")
@@ -141,13 +139,6 @@ class RunFiles:
                 write(path)
                 self._made.add(name)
                 self._changed.discard(name)
-
-    def draw(self) -> None:
-        """The pictures of the map, from the files."""
-        try:
-            export_run(self.run_dir, EXPORT_FORMATS)
-        except run_folder.RunFolderError as error:
-            _log.warning("no picture of the map: %s", error)
 
     def close(self) -> None:
         if self._lines is not None:

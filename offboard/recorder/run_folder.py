@@ -12,7 +12,7 @@ import errno
 import json
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from math import cos, isfinite, sin
 from pathlib import Path
@@ -40,6 +40,7 @@ PHOTO_FOLDER = "photos"
 MAP_HEADER = "x_m,y_m,inferred"
 MAP_REACH_M = 500.0  # along either axis from the start: what is said to lie farther lies on no floor
 
+_ROWS_AT_ONCE = 10_000
 _POSE_FORM = "t x y z qx qy qz qw"
 _POI_TEXTS = ("name", "description", "number", "room_type", "state", "photo")
 
@@ -60,12 +61,12 @@ class MapData:
     pois: list[dict[str, Any]] = field(default_factory=list)  # the records of pois.json
 
 
-def write_atomically(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes | Iterable[bytes]) -> None:
     """The whole file or, with an OSError, none of it: the old one stays."""
     temporary = path.with_name(f".{path.name}.part")
     try:
         with temporary.open("wb") as file:
-            file.write(data)
+            file.writelines([data] if isinstance(data, bytes) else data)
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)
@@ -137,20 +138,34 @@ def read_tum(path: Path) -> tuple[FloatArray, FloatArray]:
 
 def write_tum(path: Path, times_s: FloatArray, poses: FloatArray) -> None:
     """Times (K,) and poses (K, 3); replaces the file."""
-    lines = [tum_line(t, *pose) for t, pose in zip(times_s.tolist(), poses.tolist(), strict=True)]
-    write_atomically(path, "".join(f"{line}\n" for line in lines).encode())
+    write_atomically(path, _in_parts(lambda part: _tum_lines(times_s[part], poses[part]), len(times_s)))
 
 
-def map_points_text(points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> str:
+def _tum_lines(times_s: FloatArray, poses: FloatArray) -> str:
+    pairs = zip(times_s.tolist(), poses.tolist(), strict=True)
+    return "".join(f"{tum_line(t_s, *pose)}\n" for t_s, pose in pairs)
+
+
+def map_points_parts(points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> Iterator[bytes]:
     """Wall points (N, 2) and their marks (N,) as a map_points.csv holds them."""
+    yield f"{MAP_HEADER}\n".encode()
+    yield from _in_parts(lambda part: _point_lines(points_m[part], inferred[part]), len(points_m))
+
+
+def _point_lines(points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> str:
     rows = zip(points_m.tolist(), inferred.tolist(), strict=True)
-    body = "".join(f"{x:.3f},{y:.3f},{mark}\n" for (x, y), mark in rows)
-    return f"{MAP_HEADER}\n{body}"
+    return "".join(f"{x:.3f},{y:.3f},{mark}\n" for (x, y), mark in rows)
+
+
+def _in_parts(text: Callable[[slice], str], rows: int) -> Iterator[bytes]:
+    """Text of so many rows: as Python's own numbers and strings all of a large map would take 300 MB."""
+    for start in range(0, rows, _ROWS_AT_ONCE):
+        yield text(slice(start, start + _ROWS_AT_ONCE)).encode()
 
 
 def write_map_points(path: Path, points_m: npt.NDArray[np.floating[Any]], inferred: npt.NDArray[np.uint8]) -> None:
     """Wall points (N, 2) and their marks (N,); replaces the file."""
-    write_atomically(path, map_points_text(points_m, inferred).encode())
+    write_atomically(path, map_points_parts(points_m, inferred))
 
 
 def read_map_points(path: Path) -> tuple[Points, npt.NDArray[np.uint8]]:

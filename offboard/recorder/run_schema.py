@@ -107,7 +107,6 @@ class Delivery:
     arrived_s: float
     messages: list[RecordedMessage] = field(default_factory=list)
     dropped: Losses = field(default_factory=dict)
-    from_outbox: bool = False
     summary: Summary | None = None
 
 

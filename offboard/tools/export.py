@@ -152,7 +152,8 @@ def _scale_bar(x0_m: float, y0_m: float) -> tuple[list[Line], list[Label]]:
 
 def draw(data: MapData) -> Drawing:
     """Everything that either picture shows."""
-    x0_m, y0_m, width_m, height_m = frame(data)
+    pois_m = np.array([(poi["x_m"], poi["y_m"]) for poi in data.pois], np.float64).reshape(-1, 2)
+    x0_m, y0_m, width_m, height_m = frame((data.points_m, data.trajectory[:, :2], pois_m))
     x1_m, y1_m = x0_m + width_m, y0_m + height_m
     path = trail(data.trajectory)
     echoed = data.inferred == 0

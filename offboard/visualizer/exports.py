@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from starlette.concurrency import run_in_threadpool
 
-from offboard.recorder.run_folder import map_points_text
+from offboard.recorder.run_folder import map_points_parts
 from offboard.visualizer.feed import Feed
 
 MEDIA_TYPES = {"svg": "image/svg+xml", "png": "image/png", "csv": "text/csv"}
@@ -49,9 +49,10 @@ class Exports:
         drawn, data = self._feed.drawn(), self._feed.map_data()
         if form == "png":
             content = export.as_png(data)
+        elif form == "svg":
+            content = export.as_svg(data).encode()
         else:
-            text = export.as_svg(data) if form == "svg" else map_points_text(data.points_m, data.inferred)
-            content = text.encode()
+            content = b"".join(map_points_parts(data.points_m, data.inferred))
         return _Made(content, drawn, time.monotonic())
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.geometry import FloatArray
+from common.geometry import FloatArray, Points
 from common.messages import (
     GRID,
     MAP,
@@ -118,12 +118,11 @@ class LiveModel:
 
     def map_data(self) -> MapData:
         """All of it that can be on one floor, as the exports take it."""
+        near = on_floor(self.points_m)
         records = list(self.pois.values())
-        places_m = np.array([(record.x_m, record.y_m) for record in records]).reshape(-1, 2)
-        pois = [dataclasses.asdict(records[k]) for k in np.flatnonzero(on_floor(places_m))]
+        pois = [dataclasses.asdict(records[k]) for k in np.flatnonzero(on_floor(_places_m(records)))]
         trail = self.trail()
         trail = trail[on_floor(trail[:, :2])]
-        near = on_floor(self.points_m)
         return MapData(self.points_m[near].astype(np.float64), self.inferred[near], trail, pois)
 
     def drawn(self) -> Hashable:
@@ -132,7 +131,8 @@ class LiveModel:
 
     def base_point(self) -> tuple[float, float]:
         """Lower left corner of the drawing in map coordinates (VSL_MR_03); the same as in the exports."""
-        x0_m, y0_m, _, _ = frame(self.map_data())
+        everything = (self.points_m, self.trail()[:, :2], _places_m(self.pois.values()))
+        x0_m, y0_m, _, _ = frame(places_m[on_floor(places_m)] for places_m in everything)
         return x0_m, y0_m
 
     def _changed(self, channel: str) -> None:
@@ -181,3 +181,7 @@ class LiveModel:
         self.photos[poi_id] = photo
         while len(self.photos) > 1 and sum(map(len, self.photos.values())) > PHOTO_BYTES_MAX:
             del self.photos[next(iter(self.photos))]
+
+
+def _places_m(records: Iterable[PoiRecord]) -> Points:
+    return np.array([(record.x_m, record.y_m) for record in records], np.float64).reshape(-1, 2)

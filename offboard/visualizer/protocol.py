@@ -56,10 +56,10 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def binary_frame(channel: str, body: bytes, **values: Any) -> bytes:
+def binary_frame(channel: str, *body: bytes | memoryview, **values: Any) -> bytes:
     head = text_frame(channel, **values).encode()
     head += b" " * (-len(head) % 4)
-    return len(head).to_bytes(4, "little") + head + body
+    return b"".join((len(head).to_bytes(4, "little"), head, *body))
 
 
 def hello(robot: str) -> Frame:
@@ -122,8 +122,8 @@ def _pose(model: LiveModel, _: Token | None, now_s: float) -> Frame:
 def _map(model: LiveModel, seen: Token | None, _: float) -> Frame:
     epoch, length = model.tokens["map"]
     start = seen[1] if seen is not None and seen[0] == epoch else 0
-    body = model.points_m[start:length].astype("<f4").tobytes() + model.inferred[start:length].tobytes()
-    return binary_frame("map", body, start=start, count=length - start, base=model.base_point())
+    body = model.points_m[start:length].astype("<f4", copy=False).data, model.inferred[start:length].data
+    return binary_frame("map", *body, start=start, count=length - start, base=model.base_point())
 
 
 def _trail(model: LiveModel, _: Token | None, __: float) -> Frame:

@@ -26,10 +26,7 @@ from common.zenoh_inbox import Reader
 from offboard.command_center import log_book, mini_map
 from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
 from offboard.command_center.widgets import module_table, robot_panel, stop_bar
-from offboard.recorder.outbox_inbox import OutboxInbox
 from offboard.recorder.recorder import Recorder
-from offboard.recorder.run_files import RunFiles
-from offboard.recorder.run_schema import TOPIC_OF_KEY
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.visualizer import Visualizer
 from onboard.bridge.bridge import Bridge
@@ -45,12 +42,14 @@ from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi
 from onboard.poi.reading_worker import DeferredReading
 from tests.firmware.bench import Bench
-from tests.fuzz.wild import LONGEST
+from tests.fuzz.wild import UNLIMITED
 
 import msgpack  # isort: skip
 
 CALM_PERIOD_S = 0.1
 BOOT_ID = 77
+# On its way into a database and out of it a message stands in memory five times: the longest alone would take 50 MB
+STORED_LONGEST = 200_000
 _BY_OUTBOX = {topic.key for topic in m.ROBOT_RECORDED}
 
 
@@ -67,6 +66,8 @@ class WireBus(LocalBus):
         if self._recording is not None and topic.key in self.recorded_keys:
             self._recording.store(topic.key, data)
             self._newest[topic.key] = data
+        if topic.key in self.recorded_keys and self.name not in topic.consumers:
+            return  # nobody decodes it here
         envelope = self.reader.read(topic, data)
         if envelope is not None:
             self._receive(topic, envelope.payload)
@@ -95,10 +96,10 @@ class Stage:
     bus: WireBus
     topics: tuple[Topic[Any], ...]  # that it reads
     beside: Callable[[float], None] = lambda now_s: None
-    wrap: Callable[[list[tuple[str, bytes]]], None] | None = None  # another way in than the topics themselves
+    by_outbox: bool = False  # what the robot says comes `through_outbox`
     folder: tempfile.TemporaryDirectory[str] | None = None
     motors: Callable[[], bool] = lambda: False
-    longest: int = LONGEST  # rows of the arrays that come
+    longest: int = UNLIMITED  # rows of the arrays that come
 
     def close(self) -> None:
         self.node.close()
@@ -185,23 +186,22 @@ def planner(bus: WireBus) -> Stage:
 
 
 def comm(bus: WireBus) -> Stage:
-    """With a recorder that takes all it sends."""
+    """With a recorder that acknowledges all it is sent, and keeps none of it in this process."""
     folder = tempfile.TemporaryDirectory()
     outbox = Outbox(Path(folder.name) / "outbox.sqlite", 20_000_000)
     node = Comm(CommSection(), StopKeeper(Path(folder.name) / RECORD_NAME), outbox)
-    far, inbox = bus.mesh.endpoint("recorder"), OutboxInbox(1)
+    far = bus.mesh.endpoint("recorder")
 
     def beside(now_s: float) -> None:
         for piece in far.take(m.OUTBOX):
-            inbox.take(piece, now_s)
-        if inbox.complete is not None:
-            inbox.content()
-            inbox.stored()
-        receipt = inbox.receipt(now_s)
-        if receipt is not None:
+            number, offset = piece.number, piece.offset + len(piece.data)
+            rows = outbox._sender.rows
+            if rows is not None and offset == piece.total_bytes:
+                number, offset = rows.end, 0
+            receipt = m.OutboxReceipt(now_s, piece.outbox_id, number, offset, piece.total_bytes, recorder_id=1)
             bus.hear(m.RECEIPT, encode(receipt, 1, BOOT_ID))
 
-    return Stage(node, bus, _all_heard_by_comm(), beside, folder=folder)
+    return Stage(node, bus, _all_heard_by_comm(), beside, folder=folder, longest=STORED_LONGEST)
 
 
 def _all_heard_by_comm() -> tuple[Topic[Any], ...]:
@@ -228,28 +228,24 @@ def poi(bus: WireBus) -> Stage:
 
 
 def recorder(bus: WireBus) -> Stage:
-    """What the robot says comes in pieces of the outbox too. Now and then a step writes all of the map as text."""
+    """What the robot says comes in pieces of its outbox."""
     folder = tempfile.TemporaryDirectory()
-    row = 0
+    node = Recorder(Path(folder.name), "2026-01-01T00:00:00")
+    return Stage(node, bus, _read_by("recorder"), folder=folder, by_outbox=True, longest=STORED_LONGEST)
 
-    def wrap(heard: list[tuple[str, bytes]]) -> None:
-        nonlocal row
-        row += 1
-        messages = [RecordedMessage(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(heard)]
-        rows = msgpack.packb([[row, pack_row(messages, {})]])
-        for at in range(0, len(rows), PIECE_BYTES):
-            piece = m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
-            bus.hear(m.OUTBOX, encode(piece, 1, BOOT_ID))
 
-    RunFiles.draw = lambda files: None  # type: ignore[method-assign]  # in this process; pictures are the export's matter
-    return Stage(
-        Recorder(Path(folder.name), "2026-01-01T00:00:00"),
-        bus,
-        _read_by("recorder"),
-        wrap=wrap,
-        folder=folder,
-        longest=20_000,
-    )
+def through_outbox(heard: list[tuple[str, bytes]], row: int) -> list[tuple[str, bytes]]:
+    """What the robot says, as row number `row` of an outbox; the rest as it is."""
+    said = [(key, data) for key, data in heard if key in _BY_OUTBOX]
+    frames = [RecordedMessage(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(said)]
+    rows = msgpack.packb([[row, pack_row(frames, {})]])
+    pieces = [
+        m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
+        for at in range(0, len(rows), PIECE_BYTES)
+    ]
+    return [(m.OUTBOX.key, encode(piece, 1, BOOT_ID)) for piece in pieces] + [
+        h for h in heard if h[0] not in _BY_OUTBOX
+    ]
 
 
 class NoServer:
@@ -308,12 +304,3 @@ STAGES: dict[str, Callable[[WireBus], Stage]] = {
 
 def stage_of(name: str, mesh: LocalMesh) -> Stage:
     return STAGES[name](WireBus(mesh, name))
-
-
-def throw(stage: Stage, heard: list[tuple[str, bytes]]) -> None:
-    """By the topics, and by the other way in where there is one."""
-    if stage.wrap is not None:
-        stage.wrap([(key, data) for key, data in heard if key in _BY_OUTBOX])
-        heard = [(key, data) for key, data in heard if key not in _BY_OUTBOX]
-    for key, data in heard:
-        stage.bus.hear(TOPIC_OF_KEY[key], data)

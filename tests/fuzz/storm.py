@@ -18,12 +18,14 @@ from typing import Any
 from common.bus import LocalMesh
 from common.codec import DecodeError, decode, encode
 from common.messages import PERMIT, TOPICS, Permit, Topic
-from tests.fuzz.nodes import BOOT_ID, CALM_PERIOD_S, Stage, calm, stage_of, throw
+from offboard.recorder.run_schema import TOPIC_OF_KEY
+from tests.fuzz.nodes import BOOT_ID, CALM_PERIOD_S, Stage, calm, stage_of, through_outbox
 from tests.fuzz.wild import fit, poisoned
 
 MESSAGES_PER_STEP = 10
 CALM_S = 20.0
 STEPS_AT_ONCE = 50
+LARGE_BYTES = 100_000  # of a message that waits for no others, lest they all count as the node's memory
 
 Heard = list[tuple[str, bytes]]  # keys of topics, messages
 
@@ -40,20 +42,26 @@ class Outcome:
     trouble: str  # a traceback, empty where there was none
 
 
-def storm(name: str, count: int, seed: int) -> Outcome:
-    """`count` messages over all topics that the node reads: half of them poisoned, half sound up to their bounds."""
+def storm(name: str, count: int, seed: int, longest: int | None = None) -> Outcome:
+    """`count` messages over all topics that the node reads: half of them poisoned, half sound up to their bounds.
+
+    `longest`: rows of the longest arrays, otherwise what is set for this node.
+    """
     context = multiprocessing.get_context("fork")
     ours, theirs = context.Pipe()
     process = context.Process(target=_node, args=(name, theirs), daemon=True)
     process.start()
-    period_s, keys, longest = ours.recv()
+    period_s, keys, usual_longest, by_outbox = ours.recv()
     topics: tuple[Topic[Any], ...] = tuple(topic for topic in TOPICS if topic.key in keys)
     permit = name != "bridge"  # of all nodes it alone starts motors, and without a permit it must not
     batch: list[Heard] = []
+    row = 0
     try:
-        for heard in _weather(period_s, topics, count, random.Random(seed), permit, longest):
-            batch.append(heard)
-            if len(batch) == STEPS_AT_ONCE:
+        for heard in _weather(period_s, topics, count, random.Random(seed), permit, longest or usual_longest):
+            row += 1
+            batch.append(through_outbox(heard, row) if by_outbox else heard)
+            large = any(len(data) > LARGE_BYTES for _, data in heard)
+            if large or len(batch) == STEPS_AT_ONCE:
                 ours.send(batch)
                 batch = []
         for rest in (batch, None):
@@ -68,7 +76,8 @@ def storm(name: str, count: int, seed: int) -> Outcome:
 def _weather(
     period_s: float, topics: tuple[Topic[Any], ...], count: int, chance: random.Random, permit: bool, longest: int
 ) -> Iterator[Heard]:
-    """What comes before each step; without a `permit` nobody grants one."""
+    """What comes before each step; without a `permit` nobody grants one. The first of each topic is of full length."""
+    fresh = set(topics)
     sequences = dict.fromkeys((topic.key for topic in topics), 0)
 
     def stamp(topic: Topic[Any]) -> tuple[int, int]:
@@ -85,9 +94,11 @@ def _weather(
             heard += [(t.key, encode(p, *stamp(t))) for t, p in calm(now_s, permit) if t in topics]
         if now_s > CALM_S:
             for topic in chance.choices(topics, k=MESSAGES_PER_STEP):
-                wild = chance.random() < 0.5
                 stamped = stamp(topic)
-                if wild:
+                if topic in fresh:
+                    fresh.remove(topic)
+                    data = encode(fit(topic.payload, chance, longest, longest_share=1.0), *stamped)
+                elif chance.random() < 0.5:
                     data = poisoned(topic.payload, chance, *stamped, longest)
                 else:
                     data = encode(fit(topic.payload, chance, longest), *stamped)
@@ -111,7 +122,7 @@ def _node(name: str, pipe: Connection) -> None:
     gc.freeze()  # what the tests' own process holds is none of the node's
     mesh = LocalMesh()
     stage = stage_of(name, mesh)
-    pipe.send((stage.node.period_s, {topic.key for topic in stage.topics}, stage.longest))
+    pipe.send((stage.node.period_s, {topic.key for topic in stage.topics}, stage.longest, stage.by_outbox))
     run = _Run(stage, mesh)
     try:
         while (batch := pipe.recv()) is not None:
@@ -138,7 +149,8 @@ class _Run:
         if now_s > CALM_S:
             self._calm_mb = self._calm_mb or _peak_mb()
         self._thrown += len(heard)
-        throw(stage, heard)
+        for key, data in heard:
+            stage.bus.hear(TOPIC_OF_KEY[key], data)
         began_s = time.thread_time()
         stage.node.step(stage.bus, now_s)
         self._longest_s = max(self._longest_s, time.thread_time() - began_s)

@@ -1,6 +1,6 @@
 """Whatever can be decoded, and whatever only looks as if it could, comes to every node on all of its topics.
 
-Not covered: arrays of more than LONGEST rows (of less for the recorder).
+Not covered: the memory of comm and recorder while they store arrays of more than STORED_LONGEST rows.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import pytest
 
 from tests.fuzz.nodes import STAGES
 from tests.fuzz.storm import Outcome, storm
+from tests.fuzz.wild import UNLIMITED
 
 STEP_MAX_MS = 100.0
 GROWN_MAX_MB = 50.0
@@ -31,6 +32,13 @@ def check(outcome: Outcome) -> None:
 @pytest.mark.parametrize("name", STAGES)
 def test_no_message_ends_delays_or_bloats_a_node_or_starts_a_motor(name: str) -> None:
     check(weathered(name, 1_500))
+
+
+@pytest.mark.parametrize("name", ["comm", "recorder"])
+def test_storing_the_longest_messages_that_the_codec_accepts_delays_no_step(name: str) -> None:
+    outcome = storm(name, 300, seed=1, longest=UNLIMITED)
+    assert not outcome.trouble, outcome.trouble
+    assert outcome.longest_step_ms < STEP_MAX_MS
 
 
 @pytest.mark.slow

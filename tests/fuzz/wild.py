@@ -54,9 +54,9 @@ POISONS: tuple[Any, ...] = (
         "x" * 100_000,
     ),
 )
-_RARE = 0.005
+_LONGEST_SHARE = 0.005
 _RARE_GRID = 0.05  # as large as the codec lets through
-LONGEST = 200_000  # of an array, below the bound of some: three hours of driving
+UNLIMITED = 2**40
 
 
 def packed(array: npt.NDArray[Any]) -> msgpack.ExtType:
@@ -78,9 +78,12 @@ def _hints(payload: type) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in dataclasses.fields(payload)}
 
 
-def fit(payload: type[P], chance: random.Random, longest: int = LONGEST) -> P:
-    """A sound payload; its values are ordinary, at their bounds, or anything between; arrays up to `longest` rows."""
-    lengths = _Lengths(chance, longest)
+def fit(payload: type[P], chance: random.Random, longest: int = UNLIMITED, longest_share: float = _LONGEST_SHARE) -> P:
+    """A sound payload; its values are ordinary, at their bounds, or anything between.
+
+    `longest_share`: of its arrays and bytes that are as long as the codec accepts, or as `longest` says.
+    """
+    lengths = _Lengths(chance, longest, longest_share)
     values = {name: _value(hint, chance, lengths) for name, hint in _hints(payload).items()}
     if payload is GridUpdate:
         values |= _floor(chance)
@@ -137,8 +140,8 @@ def _number(kind: type, within: Within, chance: random.Random) -> Any:
 class _Lengths:
     """Of what is long, in one message: a letter stands for one length."""
 
-    def __init__(self, chance: random.Random, longest: int) -> None:
-        self._chance, self._longest = chance, longest
+    def __init__(self, chance: random.Random, longest: int, longest_share: float) -> None:
+        self._chance, self._longest, self._longest_share = chance, longest, longest_share
         self._drawn: dict[str, int] = {}
 
     def of(self, letter: str, most: int) -> int:
@@ -147,8 +150,8 @@ class _Lengths:
         return self._drawn[letter]
 
     def draw(self, most: int) -> int:
-        rare = self._chance.random() < _RARE
-        return min(most, self._longest if rare else self._chance.choice((0, 1, 2, 5, 5, 300)))
+        longest = self._chance.random() < self._longest_share
+        return min(most, self._longest if longest else self._chance.choice((0, 1, 2, 5, 5, 300)))
 
 
 def body_of(payload: Any) -> dict[str, Any]:
@@ -166,7 +169,7 @@ def message(body: Any, sequence: Any = 1, boot_id: Any = 1, version: Any = CODEC
     return bytes(msgpack.packb([version, sequence, boot_id, body]))
 
 
-def poisoned(payload: type, chance: random.Random, sequence: int, boot_id: int, longest: int = LONGEST) -> bytes:
+def poisoned(payload: type, chance: random.Random, sequence: int, boot_id: int, longest: int = UNLIMITED) -> bytes:
     """A message that can be unpacked, with something in it that most often must not be there."""
     body = body_of(fit(payload, chance, longest))
     if chance.random() < 0.05:

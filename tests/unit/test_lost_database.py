@@ -12,7 +12,7 @@ import pytest
 from common.codec import encode
 from common.errors import ErrorCode
 from common.messages import PERMIT, POI, POSE
-from offboard.recorder import recorder, run_folder
+from offboard.recorder import kept_run, recorder, run_folder
 from offboard.recorder.run_database import RunReader
 from offboard.recorder.run_files import RunFiles
 from offboard.recorder.run_schema import SCHEMA_VERSION, RunDatabase
@@ -168,7 +168,7 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[object]:
         take(files, payload)
 
     monkeypatch.setattr(RunFiles, "take", counted)
-    monkeypatch.setattr(recorder, "SUMMARY_ROWS", 50)
+    monkeypatch.setattr(kept_run, "SUMMARY_ROWS", 50)
     return payloads
 
 

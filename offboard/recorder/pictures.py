@@ -1,0 +1,48 @@
+"""The pictures of the map in the run folder. A large map takes them a minute and half a gigabyte.
+
+`python -m offboard.recorder.pictures RUN`: the same in a process of the lowest priority, which the recorder starts.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from common.errors import sentence
+from offboard.recorder.run_folder import RunFolderError
+
+EXPORT_FORMATS = ("svg", "png")
+
+_log = logging.getLogger("recorder")
+
+
+def draw(run_dir: Path) -> None:
+    """From the files of the folder; a line in the log says why there is none."""
+    from offboard.tools.export import export_run  # here, because SciPy would make the recorder wait at every start
+
+    try:
+        export_run(run_dir, EXPORT_FORMATS)
+    except (RunFolderError, OSError) as error:
+        _log.warning("no picture of the map: %s", sentence(error))
+
+
+def draw_apart(run_dir: Path) -> None:
+    """As `draw`, in another process; returns when it has ended."""
+    command = [sys.executable, "-m", "offboard.recorder.pictures", str(run_dir)]
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    lines = ended.stderr.splitlines()
+    if ended.returncode:
+        lines = [f"no picture of the map exit={ended.returncode} {lines[-1] if lines else ''}"]
+    for line in lines:
+        _log.warning(line)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the recorder waits for this one
+    os.nice(19)
+    logging.basicConfig(format="%(message)s")
+    draw(Path(sys.argv[1]))
