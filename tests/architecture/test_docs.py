@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 
@@ -22,7 +23,7 @@ PAGES = sorted(
 # Names of former times stand in the changelog, names of the outside in the findings
 NAMED_PAGES = [page for page in PAGES if page.name != "CHANGELOG.md" and page.parent.name != "findings"]
 SOURCE = re.compile(r".*\.(py|cpp|h|ino|sh|js|css|tcss|html|md|toml|csv|svg|png|json)")
-NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\(\))?")
+NAME = re.compile(r"[A-Za-z_]\w*((\.|::)[A-Za-z_]\w*)*(\(\))?")
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
@@ -48,8 +49,9 @@ def sources() -> dict[str, str]:
 
 
 @cache
-def words() -> frozenset[str]:
-    return frozenset(word for text in sources().values() for word in re.findall(r"\w+", text))
+def words() -> tuple[frozenset[str], ...]:
+    """The words of each source."""
+    return tuple(frozenset(re.findall(r"\w+", text)) for text in sources().values())
 
 
 @cache
@@ -84,8 +86,8 @@ def file_exists(page: Path, name: str) -> bool:
 def is_known(page: Path, token: str) -> bool:
     """Does what a piece of a code span names exist? What is no name of ours is taken for known."""
     token = token.strip(",;:'\"").removeprefix("./")
-    if re.fullmatch(r"(\*|\w+)/\w+", token) and token.split("/")[1] in {topic.key.split("/")[1] for topic in TOPICS}:
-        return token.startswith("*") or token in {topic.key for topic in TOPICS}
+    if re.fullmatch(r"(\*|\w+)/\w+", token) and token.split("/")[0] in {"*", *(topic.producer for topic in TOPICS)}:
+        return any(fnmatch(topic.key, token) for topic in TOPICS)
     if token in files() or token in NOT_IN_THE_SOURCES:
         return True
     if re.fullmatch(r"[\w.*-]+(/[\w.*-]+)*/?", token) and (SOURCE.fullmatch(token) or token.endswith("/")):
@@ -93,9 +95,9 @@ def is_known(page: Path, token: str) -> bool:
     if token.startswith("--"):
         return any(f'"{token.partition("=")[0]}"' in text for text in sources().values()) or token == "--"
     if re.fullmatch(r"_\w+", token):
-        return any(word.endswith(token) for word in words())
+        return any(word.endswith(token) for held in words() for word in held)
     if NAME.fullmatch(token):
-        return set(re.findall(r"\w+", token)) <= words()
+        return any(held.issuperset(re.findall(r"\w+", token)) for held in words())
     return True
 
 
@@ -144,6 +146,28 @@ def test_links_of_names_lead_to_files_that_hold_them(page: Path) -> None:
         if title.startswith("`") and NAME.fullmatch(title.strip("`")) and (page.parent / target).is_file():
             held = set(re.findall(r"\w+", (page.parent / target).read_text(encoding="utf-8")))
             assert set(re.findall(r"\w+", title)) <= held, f"{title} is not in {target}"
+
+
+@pytest.mark.parametrize(
+    "token",
+    [
+        "onboard/mmu/gone.py",
+        "gone.py",
+        "modules/gone/",
+        "mmu/gone",
+        "mmu/pose",
+        "GONE_M",
+        "StopSender.wall_landmarks",
+        "--gone",
+    ],
+)
+def test_a_name_that_is_gone_is_found(token: str) -> None:
+    assert is_known(ROOT / "README.md", token) == (token == "mmu/pose")
+
+
+@pytest.mark.parametrize("target", ["docs/gone.md", "README.md#gone", "README.md#status"])
+def test_a_link_to_what_is_gone_is_found(target: str) -> None:
+    assert dead_link(ROOT / "README.md", target) == ("gone" in target)
 
 
 def test_every_page_of_docs_is_reached_from_the_readme() -> None:
