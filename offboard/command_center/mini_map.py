@@ -19,6 +19,7 @@ EMPTY, WAY, TRAIL, INFERRED, WALL = range(5)
 ARROWS = "→↗↑↖←↙↓↘"
 MIN_SQUARE_M = 0.1
 MARGIN_M = 0.5
+_POINTS_AT_ONCE = 50_000  # so that a large map takes no more memory than a small one
 
 Codes = npt.NDArray[np.uint8]
 
@@ -42,13 +43,12 @@ def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
     """The floor as large as it fits into so many character cells, y up."""
     codes = np.zeros((2 * rows, columns), np.uint8)
     pose = picture.pose
-    known = [picture.walls_m.astype(np.float64), picture.trail_m, picture.way_m.astype(np.float64)]
-    if pose is not None:
-        known.append(np.array([[pose.x_m, pose.y_m]]))
-    points = np.concatenate([p.reshape(-1, 2) for p in known])
-    if not len(points):
+    robot_m = np.array([[pose.x_m, pose.y_m]] if pose is not None else []).reshape(-1, 2)
+    known = [part for part in (picture.walls_m, picture.trail_m, picture.way_m, robot_m) if len(part)]
+    if not known:
         return Raster(codes, MIN_SQUARE_M, frozenset(), None, "")
-    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    low = np.min([part.min(axis=0) for part in known], axis=0).astype(np.float64) - MARGIN_M
+    high = np.max([part.max(axis=0) for part in known], axis=0).astype(np.float64) + MARGIN_M
     square_m = float(max(MIN_SQUARE_M, (high[0] - low[0]) / columns, (high[1] - low[1]) / (2 * rows)))
     origin = (low + high) / 2 - square_m * np.array([columns, 2 * rows]) / 2
 
@@ -58,19 +58,17 @@ def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
         scaled = scaled[inside]
         return 2 * rows - 1 - scaled[:, 1], scaled[:, 0]
 
-    inferred = picture.inferred.astype(bool)
-    for positions, code in (
-        (_densified(picture.way_m, pose, square_m), WAY),
-        (picture.trail_m, TRAIL),
-        (picture.walls_m[inferred], INFERRED),
-        (picture.walls_m[~inferred], WALL),
-    ):
-        codes[squares(positions)] = code
+    codes[squares(_densified(picture.way_m, pose, square_m))] = WAY
+    codes[squares(picture.trail_m)] = TRAIL
+    for inferred, code in ((True, INFERRED), (False, WALL)):
+        for start in range(0, len(picture.walls_m), _POINTS_AT_ONCE):
+            part = slice(start, start + _POINTS_AT_ONCE)
+            codes[squares(picture.walls_m[part][(picture.inferred[part] != 0) == inferred])] = code
     found = squares(np.array([[f.x_m, f.y_m] for f in picture.findings], dtype=np.float64))
     findings = frozenset(zip((found[0] // 2).tolist(), found[1].tolist(), strict=True))
     robot, arrow = None, ""
     if pose is not None:
-        row, column = squares(np.array([[pose.x_m, pose.y_m]]))
+        row, column = squares(robot_m)
         if len(row):
             robot = (int(row[0]) // 2, int(column[0]))
         arrow = ARROWS[round(pose.heading_rad / (pi / 4)) % 8]
