@@ -22,7 +22,7 @@ from common.errors import ErrorCode, StartError
 from common.messages import Speed
 from deploy.board_session import BoardSession
 from deploy.config_file import write_config
-from offboard.tools.umbmark import WheelFit, fit_wheels
+from offboard.evaluate.umbmark import WheelFit, fit_wheels
 from onboard.bridge.protocol import OdoFlag
 from onboard.bridge.serial_port import SerialLost, SerialPort
 

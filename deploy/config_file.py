@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from common.config import Config, config_text, parse_config
-from offboard.recorder.run_folder import write_atomically
+from offboard.runs.run_folder import write_atomically
 
 
 def write_config(file: Path, config: Config) -> None:

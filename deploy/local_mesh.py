@@ -30,8 +30,8 @@ from common.zenoh_bus import ZenohBus
 from deploy.process_table import PROCESSES, ProcessSpec
 from deploy.supervisor import ProcessFailed, Supervisor
 from deploy.terminal_ui import Left, TerminalUi, has_terminal
+from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
-from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 from onboard.mmu.map.map_file import MAP_NAME
 

@@ -21,7 +21,7 @@ def add_verbs(verbs: Any) -> None:
 
 
 def _runs(arguments: argparse.Namespace) -> int:
-    from offboard.tools.run_list import find_runs  # here, because the other verbs need none of it
+    from offboard.runs.run_list import find_runs  # here, because the other verbs need none of it
 
     lines = [run.as_text() for run in find_runs(arguments.folder)]
     print("\n".join(lines) if lines else f"No run in {', '.join(map(str, arguments.folder))}.")
@@ -29,7 +29,7 @@ def _runs(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from offboard.tools.export_formats import EXPORTERS, export
+    from offboard.export.formats import EXPORTERS, export
 
     folder: Path = arguments.folder
     if not folder.is_dir() and (RUNS_FOLDER / folder).is_dir():

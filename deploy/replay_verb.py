@@ -13,8 +13,8 @@ import numpy as np
 from common.errors import StartError
 
 if TYPE_CHECKING:  # loaded when it is needed, because it loads the mapping unit
-    from offboard.tools.range_log import RangeLog
-    from offboard.tools.replay import Replayed
+    from offboard.replay.range_log import RangeLog
+    from offboard.replay.replay import Replayed
 
 BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narrower, a small sonar's wider
 
@@ -60,8 +60,8 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from offboard.tools.range_log import read_range_log  # here, because it loads the mapping unit
-    from offboard.tools.replay import replay, write_replay
+    from offboard.replay.range_log import read_range_log  # here, because it loads the mapping unit
+    from offboard.replay.replay import replay, write_replay
 
     _check(arguments)
     log = read_range_log(arguments.log, arguments.beams, arguments.max_range, arguments.field_of_view)

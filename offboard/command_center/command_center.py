@@ -47,7 +47,7 @@ from offboard.command_center.operations import Answer, PendingOperation
 from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
 from offboard.command_center.software_stop import look, robot_report
 from offboard.command_center.stop_desk import StopDesk
-from offboard.recorder.map_assembly import MapAssembly
+from offboard.runs.map_assembly import MapAssembly
 
 LOG_WAITING_MAX = 5000  # entries kept for a screen that is slow to fetch them
 TRAIL_STEP_M = 0.2

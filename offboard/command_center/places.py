@@ -9,7 +9,7 @@ from pathlib import Path
 from common.errors import sentence
 from common.fields import COORDINATE
 from offboard.command_center.snapshot import Finding
-from offboard.recorder.run_folder import POIS_NAME, RunFolderError, read_pois
+from offboard.runs.run_folder import POIS_NAME, RunFolderError, read_pois
 
 _log = logging.getLogger("command_center")
 

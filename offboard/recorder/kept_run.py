@@ -13,7 +13,7 @@ from common.recording import Known, Losses, RecordedMessage, add_loss
 from offboard.recorder.live_copies import LiveCopies
 from offboard.recorder.outbox_rows import RowContent, unpack_rows
 from offboard.recorder.run_files import RunFiles
-from offboard.recorder.run_schema import Delivery, RunDatabase, Summary
+from offboard.runs.run_schema import Delivery, RunDatabase, Summary
 
 SUMMARY_ROWS = 10_000  # so many new messages at most are read at a restart, and those of one period of writing
 

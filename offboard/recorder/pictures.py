@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from common.errors import sentence
-from offboard.recorder.run_folder import RunFolderError
+from offboard.runs.run_folder import RunFolderError
 
 EXPORT_FORMATS = ("svg", "png")
 
@@ -22,7 +22,9 @@ _log = logging.getLogger("recorder")
 
 def draw(run_dir: Path) -> None:
     """From the files of the folder; a line in the log says why there is none."""
-    from offboard.tools.export import export_run  # here, because SciPy would make the recorder wait at every start
+    from offboard.export.map_picture import (
+        export_run,  # here, because SciPy would make the recorder wait at every start
+    )
 
     try:
         export_run(run_dir, EXPORT_FORMATS)

@@ -29,7 +29,7 @@ from offboard.recorder.kept_run import Delivered, Handover, KeptRun, RunState, W
 from offboard.recorder.outbox_inbox import OutboxInbox
 from offboard.recorder.pictures import draw, draw_apart
 from offboard.recorder.run_opening import OF_COMM, open_run, reopen_run
-from offboard.recorder.run_schema import Summary
+from offboard.runs.run_schema import Summary
 
 WRITE_PERIOD_S = 10.0
 STORE_PERIOD_S = 0.25  # of the laptop's own messages; what the outbox brings is stored at once

@@ -27,8 +27,8 @@ from common.messages import (
     Topic,
 )
 from common.messages import Trajectory as SmoothedTrajectory
-from offboard.recorder import run_folder
-from offboard.recorder.map_assembly import MapAssembly
+from offboard.runs import run_folder
+from offboard.runs.map_assembly import MapAssembly
 
 TOPICS_OF_FILES: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, POI, PLAN)
 

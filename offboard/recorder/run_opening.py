@@ -10,12 +10,12 @@ from pathlib import Path
 
 from common.database import DatabaseFiles, damaged
 from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED
-from offboard.recorder import run_folder
 from offboard.recorder.kept_run import KeptRun
 from offboard.recorder.live_copies import LiveCopies
-from offboard.recorder.run_database import read_messages
 from offboard.recorder.run_files import TOPICS_OF_FILES, RunFiles
-from offboard.recorder.run_schema import RunDatabase, RunDatabaseError, put_aside
+from offboard.runs import run_folder
+from offboard.runs.run_database import read_messages
+from offboard.runs.run_schema import RunDatabase, RunDatabaseError, put_aside
 
 OF_COMM = tuple(topic for topic in ROBOT_RECORDED if topic.producer == "comm")
 

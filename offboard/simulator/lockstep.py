@@ -16,6 +16,7 @@ from common.config import Config, with_camera
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, PlannerView
 from common.node import Node
+from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.recorder.recorder import Recorder
 from offboard.simulator.avr_board import AvrBoard
 from offboard.simulator.board import Board, FirmwareBuildError, HostBoard
@@ -24,7 +25,6 @@ from offboard.simulator.options import RunOptions, floor_json, load_world, prepa
 from offboard.simulator.route import RouteDriver
 from offboard.simulator.simulation import Simulation
 from offboard.simulator.world import STEP_S
-from offboard.tools.summary import RunFacts, StepTimes, write_summary
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox

@@ -9,7 +9,7 @@ from typing import Any
 
 from common.errors import StartError
 from common.json_reader import load_json
-from offboard.recorder.run_folder import TRAJECTORY_NAME
+from offboard.runs.run_folder import TRAJECTORY_NAME
 from offboard.simulator.errors import PROFILES
 from offboard.simulator.events import Events, load_events
 from offboard.simulator.floor import Floor, FloorError, load_floor

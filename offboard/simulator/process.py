@@ -21,7 +21,7 @@ from common.bus import Bus
 from common.config import Config
 from common.errors import StartError
 from common.process import argument_parser
-from offboard.recorder.run_folder import TRUTH_NAME, LineFile, tum_line
+from offboard.runs.run_folder import TRUTH_NAME, LineFile, tum_line
 from offboard.simulator.board import FirmwareBuildError, HostBoard, ResetCause
 from offboard.simulator.frame_server import FrameServer
 from offboard.simulator.options import RunOptions, load_world

@@ -12,7 +12,7 @@ from types import TracebackType
 
 import numpy as np
 
-from offboard.recorder.run_folder import TRUTH_NAME, write_tum
+from offboard.runs.run_folder import TRUTH_NAME, write_tum
 from offboard.simulator.board import Board
 from offboard.simulator.camera import Camera, CameraUnavailable
 from offboard.simulator.errors import PROFILES, random_stream

@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from starlette.concurrency import run_in_threadpool
 
-from offboard.recorder.run_folder import map_points_parts
+from offboard.runs.run_folder import map_points_parts
 from offboard.visualizer.feed import Feed
 
 MEDIA_TYPES = {"svg": "image/svg+xml", "png": "image/png", "csv": "text/csv"}
@@ -44,13 +44,13 @@ class Exports:
             return made.content
 
     def _make(self, form: str) -> _Made:
-        from offboard.tools import export  # here, because SciPy would make the page wait at every start
+        from offboard.export import map_picture  # here, because SciPy would make the page wait at every start
 
         drawn, data = self._feed.drawn(), self._feed.map_data()
         if form == "png":
-            content = export.as_png(data)
+            content = map_picture.as_png(data)
         elif form == "svg":
-            content = export.as_svg(data).encode()
+            content = map_picture.as_svg(data).encode()
         else:
             content = b"".join(map_points_parts(data.points_m, data.inferred))
         return _Made(content, drawn, time.monotonic())

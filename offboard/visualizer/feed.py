@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterable
 from typing import Any
 
 from common.messages import Status, Topic
-from offboard.recorder.run_folder import MapData
+from offboard.runs.run_folder import MapData
 from offboard.visualizer import protocol
 from offboard.visualizer.live_model import LiveModel
 from offboard.visualizer.poi_store import NoPois, PoiRecord, PoiStore

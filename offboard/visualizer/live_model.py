@@ -36,9 +36,9 @@ from common.messages import (
     Topic,
     Trajectory,
 )
-from offboard.recorder.map_assembly import MapAssembly
-from offboard.recorder.run_folder import MapData, on_floor
-from offboard.tools.map_frame import frame
+from offboard.export.map_frame import frame
+from offboard.runs.map_assembly import MapAssembly
+from offboard.runs.run_folder import MapData, on_floor
 from offboard.visualizer.poi_store import PoiRecord, record_of
 
 TRAIL_STEP_M = 0.05

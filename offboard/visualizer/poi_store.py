@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from common.messages import PointOfInterest
-from offboard.recorder.run_folder import POIS_NAME, RunFolderError, read_pois
+from offboard.runs.run_folder import POIS_NAME, RunFolderError, read_pois
 
 _log = logging.getLogger("visualizer")
 

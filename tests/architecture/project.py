@@ -11,7 +11,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("common", "onboard", "offboard", "deploy")
 TEXT_SUFFIXES = {".py", ".md", ".toml", ".txt", ".sh", ".json", ".json5", ".yaml", ".yml", ".service", ".html", ".js"}
 TEXT_SUFFIXES |= {".css", ".h", ".hpp", ".c", ".cpp", ".ino", ".cfg", ".ini", ".mk", ""}
-NOT_OURS = {".git", ".venv", "build", "runs", "node_modules", "__pycache__"}
+NOT_OURS = {".git", ".venv", "build", "node_modules", "__pycache__"}
+RECORDED = "runs"  # at the top
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,17 @@ def modules() -> list[Module]:
     return [Module(path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
 
 
+def is_ours(parts: tuple[str, ...]) -> bool:
+    """Of a path from the project's root: nothing that was installed, built or recorded."""
+    return parts[0] != RECORDED and not NOT_OURS & set(parts)
+
+
 def text_files() -> Iterator[tuple[str, str]]:
     """Path and text of every file that people write."""
     for path in sorted(ROOT.rglob("*")):
         parts = path.relative_to(ROOT).parts
         hidden = any(part.startswith(".") and part != ".ci" for part in parts)
-        if hidden or NOT_OURS & set(parts) or path.suffix not in TEXT_SUFFIXES or not path.is_file():
+        if hidden or not is_ours(parts) or path.suffix not in TEXT_SUFFIXES or not path.is_file():
             continue
         try:
             yield "/".join(parts), path.read_text(encoding="utf-8")

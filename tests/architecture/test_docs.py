@@ -12,13 +12,13 @@ import pytest
 from common.config import Config, parse_config
 from common.messages import TOPICS
 from docs.generate import PARTS, expected, sample
-from tests.architecture.project import NOT_OURS, ROOT, text_files
+from tests.architecture.project import ROOT, is_ours, text_files
 
 PAGES = sorted(
     path
     for path in ROOT.rglob("*.md")
-    if not {part for part in path.relative_to(ROOT).parts if part != ".github" and part.startswith(".")}
-    | NOT_OURS & set(path.relative_to(ROOT).parts)
+    if is_ours(path.relative_to(ROOT).parts)
+    and not any(part != ".github" and part.startswith(".") for part in path.relative_to(ROOT).parts)
 )
 # Names of former times stand in the changelog, names of the outside in the findings
 NAMED_PAGES = [page for page in PAGES if page.name != "CHANGELOG.md" and page.parent.name != "findings"]

@@ -79,6 +79,10 @@ def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ..
 # Of each folder with rooms, from the top down: a room imports itself and what stands below it. "." is the folder itself
 ROOMS = {
     "onboard/mmu": (".", "back_end", "front_end", "map", "on_demand"),
+    "offboard": (
+        *(".", "simulator", "command_center", "visualizer", "recorder"),
+        *("replay", "evaluate", "export", "runs"),
+    ),
 }
 
 
@@ -100,6 +104,12 @@ def test_rooms_import_one_way(folder: str) -> None:
         and rooms.index(room_of(name.replace(".", "/"), folder)) < rooms.index(room_of(module.path, folder))
     ]
     assert upward == []
+
+
+@pytest.mark.parametrize("program", ["command_center", "visualizer", "recorder"])
+def test_no_program_of_the_laptop_reaches_into_another(program: str) -> None:
+    others = {"command_center", "visualizer", "recorder"} - {program}
+    assert offences(inside(f"offboard/{program}"), *(f"offboard.{other}" for other in others)) == []
 
 
 def test_imports_are_absolute() -> None:

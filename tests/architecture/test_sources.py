@@ -14,7 +14,7 @@ MODULES = modules()
 FILES = dict(text_files())
 
 # common/process.py: a process that cannot begin says so on stderr, before there is a log
-MAY_PRINT = ("deploy/", "offboard/tools/", "common/process.py")
+MAY_PRINT = ("deploy/", "offboard/evaluate/", "common/process.py")
 # In pieces, so that this very file does not hold what it looks for
 MACHINE_PATH = re.compile(r"(?<![\w.)}\]])/(?:" + "work|" + "tmp|" + "root|" + r"home/\w+)/")
 PACKAGE_INDEX = re.compile(

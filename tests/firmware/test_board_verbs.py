@@ -17,12 +17,12 @@ from common.messages import Speed
 from deploy.board_link import WrongFirmware
 from deploy.board_session import BoardSession
 from deploy.board_verbs import HandDrive, _calibrated, calibrate_gyro, calibrate_wheels, check_sensors
+from offboard.evaluate.umbmark import end_point, fit_wheels
 from offboard.simulator.board import HostBoard
 from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
 from offboard.simulator.pty_port import PtyPort
 from offboard.simulator.serial_line import SerialLine
 from offboard.simulator.world import STEP_S, World
-from offboard.tools.umbmark import end_point, fit_wheels
 from onboard.bridge.protocol import CarState, Odo
 from onboard.bridge.serial_port import SerialPort
 from onboard.bridge.translation import odometry

@@ -18,7 +18,7 @@ from typing import Any
 from common.bus import LocalMesh
 from common.codec import DecodeError, decode, encode
 from common.messages import PERMIT, TOPICS, Permit, Topic
-from offboard.recorder.run_schema import TOPIC_OF_KEY
+from offboard.runs.run_schema import TOPIC_OF_KEY
 from tests.fuzz.nodes import BOOT_ID, CALM_PERIOD_S, Stage, calm, stage_of, through_outbox
 from tests.fuzz.wild import fit, poisoned
 

@@ -21,9 +21,9 @@ import numpy.typing as npt
 from common.bus import Bus
 from common.config import config_text
 from common.messages import MAP, ROBOT_RECORDED, MapUpdate
-from offboard.recorder.map_assembly import MapAssembly
-from offboard.recorder.run_database import RunReader
-from offboard.recorder.run_schema import RunDatabaseError
+from offboard.runs.map_assembly import MapAssembly
+from offboard.runs.run_database import RunReader
+from offboard.runs.run_schema import RunDatabaseError
 from tests.system.conftest import Mesh, until
 
 TALKER = Path(__file__).with_name("talker.py")

@@ -24,7 +24,7 @@ from common.messages import LAPTOP_RECORDED, POSE, ROBOT_RECORDED, STATUS, TOPIC
 from common.recording import MESSAGE_BYTES_MAX
 from common.zenoh_bus import ZenohBus
 from deploy.bench.relay import Relay
-from offboard.recorder.run_database import RunReader
+from offboard.runs.run_database import RunReader
 from tests.system.conftest import ROOT, Mesh, children_of, environment, run_cli, until
 from tests.system.junk import huge, junk, throw
 from tests.system.page import page_map

@@ -41,7 +41,7 @@ from common.zenoh_session import Channel, direct, session_config
 from offboard.command_center.log_book import LogEntry
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import SOURCE
-from offboard.recorder.run_database import RunReader
+from offboard.runs.run_database import RunReader
 from tests.system.center import Center
 from tests.system.conftest import Mesh, free_endpoint, until
 

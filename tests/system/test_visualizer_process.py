@@ -17,7 +17,7 @@ from common.clock import FreeClock
 from common.config import VisualizerSection, config_text
 from common.messages import MAP, POSE, STATUS, MapUpdate, PoseEstimate
 from common.zenoh_bus import ZenohBus
-from offboard.recorder import run_folder
+from offboard.runs import run_folder
 from tests.system.conftest import Mesh, free_port, until
 from tests.system.page import frames
 

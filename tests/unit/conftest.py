@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from common.messages import MAP, PLAN, POI, POSE, RANGES, STATUS, TRAJECTORY, Ranges, Status, Trajectory
-from offboard.tools.summary import RunFacts, StepTimes, write_summary
+from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from tests.unit.test_recorder import Run, door, map_update, pose, view
 
 

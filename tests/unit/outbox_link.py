@@ -9,7 +9,7 @@ from pathlib import Path
 from common.bus import LocalMesh
 from common.messages import OUTBOX, POSE, RECEIPT, STATUS, OutboxPiece, PointOfInterest, PoseEstimate, Status
 from offboard.recorder.recorder import Recorder
-from offboard.recorder.run_database import RunReader
+from offboard.runs.run_database import RunReader
 from onboard.comm.outbox import Outbox
 
 

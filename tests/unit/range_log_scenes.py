@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from common.geometry import FloatArray, Pose2, rigid_fit
-from offboard.recorder.run_folder import read_map_points, read_tum
+from offboard.runs.run_folder import read_map_points, read_tum
 
 BEARINGS_DEG = (90.0, 45.0, 0.0, -45.0, -90.0)
 HEADER = "t_s,odom_x_m,odom_y_m,odom_heading_rad,range0_m,range1_m,range2_m,range3_m,range4_m"

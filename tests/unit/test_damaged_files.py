@@ -22,9 +22,9 @@ from common.errors import StartError, sentence
 from common.zenoh_session import main_channel
 from deploy import cli
 from deploy.cli import main
-from offboard.recorder import run_database
+from offboard.export.formats import EXPORTERS
+from offboard.runs import run_database
 from offboard.simulator.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world
-from offboard.tools.export_formats import EXPORTERS
 from onboard.poi.door_detection import ColourBox
 from onboard.poi.poi import sign_rules
 from tests.unit.damage import Damage, RunFolder, assert_told

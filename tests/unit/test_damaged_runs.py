@@ -13,8 +13,8 @@ import pytest
 
 from deploy.cli import main
 from offboard.command_center.places import findings_of_run
-from offboard.recorder import run_database
-from offboard.recorder.run_folder import read_tum
+from offboard.runs import run_database
+from offboard.runs.run_folder import read_tum
 from tests.unit.damage import RunFolder, assert_told
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
-from offboard.recorder import run_folder
-from offboard.tools.evaluate import EvaluationError, along, evaluate
-from offboard.tools.summary import RunFacts, StepTimes, without_wall_time, write_summary
+from offboard.evaluate.figures import EvaluationError, along, evaluate
+from offboard.evaluate.summary import RunFacts, StepTimes, without_wall_time, write_summary
+from offboard.runs import run_folder
 
 
 def door(x_m: float, y_m: float, number: str, room_type: str = "") -> dict[str, Any]:

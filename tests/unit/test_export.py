@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from offboard.recorder import run_folder
-from offboard.recorder.run_folder import MapData
-from offboard.tools.export import (
+from offboard.export.map_picture import (
     IMAGE_SIDE_MAX_PX,
     PIXELS_PER_M,
     ExportError,
@@ -23,6 +21,8 @@ from offboard.tools.export import (
     join,
     thin,
 )
+from offboard.runs import run_folder
+from offboard.runs.run_folder import MapData
 
 SVG = "{http://www.w3.org/2000/svg}"
 

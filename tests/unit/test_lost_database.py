@@ -12,10 +12,11 @@ import pytest
 from common.codec import encode
 from common.errors import ErrorCode
 from common.messages import PERMIT, POI, POSE
-from offboard.recorder import kept_run, recorder, run_folder
-from offboard.recorder.run_database import RunReader
+from offboard.recorder import kept_run, recorder
 from offboard.recorder.run_files import RunFiles
-from offboard.recorder.run_schema import SCHEMA_VERSION, RunDatabase
+from offboard.runs import run_folder
+from offboard.runs.run_database import RunReader
+from offboard.runs.run_schema import SCHEMA_VERSION, RunDatabase
 from tests.unit.outbox_link import Link, damage, door, pose, poses_in
 
 # Of the first version of the project

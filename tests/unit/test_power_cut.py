@@ -18,7 +18,7 @@ from common.bus import LocalBus, LocalMesh
 from common.messages import OUTBOX, POI, POSE, RECEIPT, STATUS, PointOfInterest, PoseEstimate, Status, Topic
 from common.recording import Losses, RecentMessages, RecordedMessage, RecordingSubscriber, requested_after
 from offboard.recorder.recorder import Recorder
-from offboard.recorder.run_database import RunReader
+from offboard.runs.run_database import RunReader
 from onboard.comm.outbox import Outbox
 
 Message = tuple[str, int, int]  # topic, boot id, sequence number

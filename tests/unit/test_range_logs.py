@@ -16,7 +16,7 @@ from range_log_scenes import BEGAN_S, HEADER, PERIOD_S, ROUND, STEP_M, carmen_li
 
 from common.geometry import Pose2, wrap_angles
 from deploy.cli import main
-from offboard.tools.range_log import RangeLog, RangeLogError, read_range_log
+from offboard.replay.range_log import RangeLog, RangeLogError, read_range_log
 
 MAP_OFF_MAX_M = 0.03
 RESET, GLITCH = 60, 40  # frames

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from range_log_scenes import carmen_lines, csv_lines
 
-from offboard.tools.range_log import RangeLogError, read_range_log
-from offboard.tools.replay import replay
+from offboard.replay.range_log import RangeLogError, read_range_log
+from offboard.replay.replay import replay
 
 WORDS = (
     *(

@@ -28,9 +28,9 @@ from common.messages import (
     PoseEstimate,
     Trajectory,
 )
-from offboard.recorder import run_folder
-from offboard.recorder.map_assembly import MapAssembly
 from offboard.recorder.recorder import WRITE_PERIOD_S, Recorder
+from offboard.runs import run_folder
+from offboard.runs.map_assembly import MapAssembly
 from onboard.comm.outbox import Outbox
 
 

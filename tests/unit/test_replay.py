@@ -10,8 +10,8 @@ import pytest
 
 from common.geometry import Pose2, rigid_fit, wrap_angle
 from deploy.cli import main
-from offboard.recorder.run_folder import read_map_points, read_tum
-from offboard.tools.range_log import RangeLogError, read_range_log
+from offboard.replay.range_log import RangeLogError, read_range_log
+from offboard.runs.run_folder import read_map_points, read_tum
 
 BEARINGS_DEG = (90.0, 45.0, 0.0, -45.0, -90.0, 70.0, -70.0)
 ROOM = ((-2.0, 12.0), (-1.5, 5.0))  # x and y of its walls

@@ -18,8 +18,8 @@ from common.codec import CODEC_VERSION, DecodeError, decode, encode, read_header
 from common.messages import LOG, PLAN, POI, POSE, STATUS, TOPICS, LogLine, PointOfInterest, PoseEstimate, Status
 from common.recording import RecordedMessage
 from deploy.cli import main
-from offboard.recorder.run_database import RunReader
-from offboard.recorder.run_schema import SCHEMA_VERSION, Delivery, RunDatabase, RunDatabaseError
+from offboard.runs.run_database import RunReader
+from offboard.runs.run_schema import SCHEMA_VERSION, Delivery, RunDatabase, RunDatabaseError
 from tests.fuzz.wild import fit
 
 

@@ -33,7 +33,7 @@ from common.messages import (
     Status,
     Trajectory,
 )
-from offboard.recorder import run_folder
+from offboard.runs import run_folder
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import PHOTO_BYTES_MAX, LiveModel
 from offboard.visualizer.poi_store import PoiRecord, RunFolderPois

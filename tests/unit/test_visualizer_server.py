@@ -23,8 +23,8 @@ from websockets.sync.client import connect
 from common.bus import LocalMesh
 from common.errors import StartError
 from common.messages import GRID, MAP, POI, POSE, STATUS, GridUpdate, MapUpdate, PointOfInterest, PoseEstimate
-from offboard.recorder.run_folder import MapData
-from offboard.tools import export
+from offboard.export import map_picture
+from offboard.runs.run_folder import MapData
 from offboard.visualizer import connections
 from offboard.visualizer import server as server_module
 from offboard.visualizer.feed import Feed
@@ -169,7 +169,7 @@ def test_exports_are_made_one_at_a_time_and_who_waited_gets_the_same(
         alone.release()
         return b"\x89PNG"
 
-    monkeypatch.setattr(export, "as_png", draw)
+    monkeypatch.setattr(map_picture, "as_png", draw)
     with ThreadPoolExecutor(16) as browsers:
         answers = list(browsers.map(lambda _: get(server, "export/map.png"), range(16)))
     assert {(status, body) for status, _, body in answers} == {(200, b"\x89PNG")}

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from common.constants import FOOTPRINT_RADIUS_M, SONAR_BEARINGS_RAD
 from common.geometry import FloatArray, Points
 from common.messages import RANGES
-from offboard.recorder.run_database import RunReader
-from offboard.recorder.run_folder import (
+from offboard.runs.run_database import RunReader
+from offboard.runs.run_folder import (
     DATABASE_NAME,
     read_map,
     read_path,

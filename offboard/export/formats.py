@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from offboard.recorder.run_folder import (
+from offboard.export.map_picture import FORMATS as PICTURES
+from offboard.export.map_picture import ExportError, export_run
+from offboard.export.occupancy_image import image_of_run
+from offboard.runs.run_folder import (
     MAP_POINTS_NAME,
     PHOTO_FOLDER,
     POIS_NAME,
@@ -14,9 +17,6 @@ from offboard.recorder.run_folder import (
     RunFolderError,
     write_atomically,
 )
-from offboard.tools.export import FORMATS as PICTURES
-from offboard.tools.export import ExportError, export_run
-from offboard.tools.occupancy_image import image_of_run
 
 Exporter = Callable[[Path, Path], list[Path]]
 

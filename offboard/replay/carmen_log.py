@@ -14,7 +14,7 @@ from math import degrees, inf, nan, pi, radians
 import numpy as np
 
 from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
-from offboard.tools.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest, shown
+from offboard.replay.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest, shown
 
 RANGE_MAX_M = 50.0  # of any laser indoors: lasers write 80 m and more for nothing heard
 KINDS = ("FLASER", "ROBOTLASER1", "ROBOTLASER2")

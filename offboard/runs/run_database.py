@@ -20,8 +20,8 @@ from typing import Any, Generic, TypeVar
 
 from common.codec import DecodeError, as_text, decode
 from common.messages import LOG, POI, STATUS, LogLine, PointOfInterest, Status, Topic
-from offboard.recorder.run_folder import DATABASE_NAME
-from offboard.recorder.run_schema import TOPIC_OF_KEY, RunDatabaseError, check_version
+from offboard.runs.run_folder import DATABASE_NAME
+from offboard.runs.run_schema import TOPIC_OF_KEY, RunDatabaseError, check_version
 
 P = TypeVar("P")
 T = TypeVar("T")

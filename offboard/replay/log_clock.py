@@ -15,7 +15,7 @@ from math import log10
 import numpy as np
 
 from common.geometry import FloatArray
-from offboard.tools.log_frames import Lines, note
+from offboard.replay.log_frames import Lines, note
 
 PERIOD_S = 0.2  # of frames of which no clock tells anything
 SPEED_M_S = 0.3

@@ -20,8 +20,8 @@ from scipy.spatial import cKDTree
 from common.constants import CAMERA_FIELD_OF_VIEW_RAD, CAMERA_INCIDENCE_MAX_RAD, CAMERA_RANGE_M, FOOTPRINT_RADIUS_M
 from common.geometry import FloatArray, Points, Pose2, rigid_fit, wrap_angle, wrap_angles
 from common.json_reader import Node
-from offboard.recorder.run_folder import TRAJECTORY_NAME, TRUTH_NAME, read_map, read_tum
-from offboard.tools.free_space import FreeSpace, Mask, wall_samples
+from offboard.evaluate.free_space import FreeSpace, Mask, wall_samples
+from offboard.runs.run_folder import TRAJECTORY_NAME, TRUTH_NAME, read_map, read_tum
 
 Figures = dict[str, Any]
 

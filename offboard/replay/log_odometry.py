@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
-from offboard.tools.log_frames import Lines, note
+from offboard.replay.log_frames import Lines, note
 
 REACH_M, REACH_M_S = 1.0, 3.0  # what no robot indoors goes beyond from frame to frame
 REACH_RAD, REACH_RAD_S = 1.5, 2.0

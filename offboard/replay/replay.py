@@ -15,8 +15,8 @@ import numpy as np
 from common.errors import StartError
 from common.geometry import FloatArray, Pose2
 from common.messages import Ranges
-from offboard.recorder.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_NAME, write_map_points, write_tum
-from offboard.tools.range_log import RangeLog
+from offboard.replay.range_log import RangeLog
+from offboard.runs.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_NAME, write_map_points, write_tum
 from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.slam import Carrier, Slam
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from offboard.recorder.run_folder import SUMMARY_NAME, RunFolderError, write_json
-from offboard.tools.evaluate import EvaluationError, evaluate
+from offboard.evaluate.figures import EvaluationError, evaluate
+from offboard.runs.run_folder import SUMMARY_NAME, RunFolderError, write_json
 
 WALL_TIME_KEYS = ("wall_time_s", "steps")
 

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from common.geometry import FloatArray
-from offboard.tools.carmen_log import line_kinds, read_carmen
-from offboard.tools.csv_log import read_csv
-from offboard.tools.log_clock import MOVED_M, steady
-from offboard.tools.log_frames import Frames, Lines, LogText, RangeLogError, ReadOptions
-from offboard.tools.log_odometry import Mask, Trust, in_radians
+from offboard.replay.carmen_log import line_kinds, read_carmen
+from offboard.replay.csv_log import read_csv
+from offboard.replay.log_clock import MOVED_M, steady
+from offboard.replay.log_frames import Frames, Lines, LogText, RangeLogError, ReadOptions
+from offboard.replay.log_odometry import Mask, Trust, in_radians
 
 __all__ = ["RangeLog", "RangeLogError", "read_range_log"]
 

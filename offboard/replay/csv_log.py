@@ -13,7 +13,7 @@ from math import degrees, inf, isnan, nan, pi, radians
 import numpy as np
 
 from common.geometry import FloatArray
-from offboard.tools.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest, shown
+from offboard.replay.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest, shown
 
 POSE_COLUMNS = ("t_s", "odom_x_m", "odom_y_m", "odom_heading_rad")
 BEARINGS, LIMITS = "bearings_deg", "max_range_m"

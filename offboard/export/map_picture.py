@@ -23,8 +23,8 @@ from scipy.spatial import cKDTree
 
 from common.errors import StartError
 from common.geometry import FloatArray, Points
-from offboard.recorder.run_folder import MAP_PNG_NAME, MAP_SVG_NAME, MapData, read_map, write_atomically
-from offboard.tools.map_frame import frame
+from offboard.export.map_frame import frame
+from offboard.runs.run_folder import MAP_PNG_NAME, MAP_SVG_NAME, MapData, read_map, write_atomically
 
 JOIN_M = 0.25  # wall points nearer than this are one wall
 THIN_M = 0.06  # of the points in a square of this side one is drawn

@@ -11,8 +11,8 @@ from common.errors import SENTENCE_MAX, StartError, sentence
 from common.json_reader import Node, load_json
 from common.messages import PLAN
 from common.plain_text import plain
-from offboard.recorder.run_database import RunReader
-from offboard.recorder.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
+from offboard.runs.run_database import RunReader
+from offboard.runs.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
 
 _NEWEST_S = datetime(9999, 1, 1, tzinfo=UTC).timestamp()  # some file systems know later times than Python
 FIGURES = ("coverage", "map_rmse_m", "home_m", "ate_fit_m")
