@@ -33,8 +33,8 @@ from common.messages import (
 )
 from common.status import StatusReporter
 from offboard.simulator.floor import Floor
-from onboard.planner.gyro_rest import GyroRest
-from onboard.planner.unwinding import Unwinding
+from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
+from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
 
 CELL_M = 0.1
 MIDDLE_WEIGHT = 6.0  # how much dearer a metre is close to a wall
@@ -131,8 +131,8 @@ class RouteDriver:
         self._at = 0
         self._started = False
         self._commanded = DriveCommand(0.0, 0, Speed.MEDIUM, 0.0)
-        self._rest = GyroRest()
-        self._unwinding = Unwinding()
+        self._zero_velocity = ZeroVelocityUpdate()
+        self._net_rotation = NetRotationBalancing()
         self._view_due_s = 0.0
         self._status = StatusReporter(self.name)
 
@@ -146,7 +146,7 @@ class RouteDriver:
         if odometry is not None and alive_and_valid(bus, ODOMETRY):
             pose = self._true_pose()
             drives = self._started and permit is not None and permit.granted and not self.finished
-            rests = self._rest.due(now_s, odometry.standing)
+            rests = self._zero_velocity.due(now_s, odometry.standing)
             goal = self._goal(pose) if drives and not rests else None
             if goal is not None or self._commanded.speed is not Speed.STOP:
                 turn_rad = 0.0 if goal is None else self._turn_rad(pose, goal, odometry.yaw_rad)
@@ -171,7 +171,7 @@ class RouteDriver:
         turn_rad = pose.bearing_rad(*goal)
         later_x_m, later_y_m = self._way[min(self._at + THEN_CELLS, len(self._way) - 1)].tolist()
         then_rad = Pose2(*goal, pose.heading_rad + turn_rad).bearing_rad(later_x_m, later_y_m)
-        return self._unwinding.turn_rad(yaw_rad, turn_rad, then_rad)
+        return self._net_rotation.turn_rad(yaw_rad, turn_rad, then_rad)
 
     def _goal(self, pose: Pose2) -> tuple[float, float] | None:
         """The next place of the way that is far enough ahead to steer for; None at its end."""

@@ -39,20 +39,20 @@ from common.messages import (
 from common.status import StatusReporter
 from common.undecodable import Undecodable
 from common.wall_points import with_increment
-from onboard.planner.emergency import Emergency, Phase, watch
-from onboard.planner.grid_map import GridMap
-from onboard.planner.grid_reading import GridError, GridReader
-from onboard.planner.gyro_rest import GyroRest
-from onboard.planner.mission import Mission, Mode
-from onboard.planner.poi_override import Override, after, speed
-from onboard.planner.unwinding import Unwinding
-from onboard.planner.view import Motion, View
+from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, watch
+from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
+from onboard.planner.driving.poi_override import Override, after, speed
+from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
+from onboard.planner.grid.grid_map import GridMap
+from onboard.planner.grid.grid_reading import GridError, GridReader
+from onboard.planner.grid.view import Motion, View
+from onboard.planner.mission.mission import Mission, Mode
 
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
 POINTS_NEAR_M = 4.0
 BOOT_BITS = 16
-WAY_SHOWN_MAX = 2_000  # way points
+PATH_SHOWN_MAX = 2_000  # waypoints
 TAKEN_KEPT = 16  # operator commands whose repeats are known as such
 _NO_POINTS = np.zeros((0, 2))
 
@@ -69,9 +69,9 @@ class Planner:
         self._boot = boot
         self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
-        self._emergency = Emergency()
-        self._rest = GyroRest()
-        self._unwinding = Unwinding()
+        self._collision = CollisionMonitor()
+        self._zero_velocity = ZeroVelocityUpdate()
+        self._net_rotation = NetRotationBalancing()
         self._undecodable = Undecodable()
         self._grid_reader = GridReader()
         self._grid: GridMap | None = None
@@ -99,14 +99,14 @@ class Planner:
         for operation in bus.take(OPERATION):
             self._operate(operation, pose, bus.latest(PERMIT), now_s)
         for request in bus.take(RETAKE):
-            self._hear_poi(request, pose, now_s)
+            self._take_poi_request(request, pose, now_s)
         error = self._trouble(bus)
         if pose is None or error is not ErrorCode.OK:
-            self._emergency = Emergency()
+            self._collision = CollisionMonitor()
             self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad if pose is not None else 0.0), pose)
         else:
             self._drive(bus, now_s, pose)
-            if self._emergency.phase is not Phase.CLEAR:
+            if self._collision.phase is not Phase.CLEAR:
                 error = ErrorCode.EMERGENCY_ROUTINE
             elif self._mission.mode is Mode.STUCK:
                 error = ErrorCode.BLOCKED
@@ -153,7 +153,7 @@ class Planner:
         elif command.operation is Operation.GOTO:
             self._mission.go_to(command.x_m, command.y_m)
 
-    def _hear_poi(self, request: PoiRequest, pose: PoseEstimate | None, now_s: float) -> None:
+    def _take_poi_request(self, request: PoiRequest, pose: PoseEstimate | None, now_s: float) -> None:
         turning = pose is not None and _turns_on_the_spot(self._wanted, pose)
         self._override = after(self._override, request.command, now_s, turning)
         if request.command is PoiCommand.GOTO and not turning:
@@ -173,10 +173,10 @@ class Planner:
     def _drive(self, bus: Bus, now_s: float, pose: PoseEstimate) -> None:
         ranges, carrier, odometry = bus.latest(RANGES), bus.latest(CARRIER), bus.latest(ODOMETRY)
         assert ranges is not None
-        rests = self._rest.due(now_s, odometry is not None and odometry.standing)
+        rests = self._zero_velocity.due(now_s, odometry is not None and odometry.standing)
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
         if self._grid is None or self._paused or backing:
-            self._emergency = Emergency()
+            self._collision = CollisionMonitor()
             self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
             return
         if pose is not self._pose_seen or self._mission.deliberates:
@@ -189,13 +189,13 @@ class Planner:
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
         # On the spot it may turn away from anything
         ahead = Speed.STOP if _turns_on_the_spot(self._wanted, pose) else self._wanted.speed
-        self._emergency, blocked = watch(self._emergency, now_s, ahead, ranges.range_m, speed_m_s)
+        self._collision, blocked = watch(self._collision, now_s, ahead, ranges.range_m, speed_m_s)
         if blocked:
-            self._mission.blocked(self._view(now_s, pose), self._emergency.bearing_rad)
+            self._mission.blocked(self._view(now_s, pose), self._collision.bearing_rad)
         motion = self._wanted
-        if self._emergency.phase is Phase.STOPPED:
+        if self._collision.phase is Phase.STOPPED:
             motion = Motion(Speed.STOP, pose.heading_rad)
-        elif self._emergency.phase is Phase.BACKING:
+        elif self._collision.phase is Phase.BACKING:
             motion = Motion(Speed.REVERSE, pose.heading_rad)
         elif rests and not _turns_on_the_spot(motion, pose):
             motion = Motion(Speed.STOP, pose.heading_rad)
@@ -220,7 +220,7 @@ class Planner:
         """Send what is wanted when it changed, and at least at the topic's rate."""
         if pose is None:
             return
-        turn_rad = self._unwinding.turn_rad(pose.yaw_rad, wrap_angle(motion.heading_rad - pose.heading_rad))
+        turn_rad = self._net_rotation.turn_rad(pose.yaw_rad, wrap_angle(motion.heading_rad - pose.heading_rad))
         yaw_rad = wrap_angle(pose.yaw_rad + turn_rad)
         last = self._commanded
         if last is not None and motion.speed is last.speed and now_s - last.t_s < COMMAND_PERIOD_S - 1e-6:
@@ -243,7 +243,7 @@ class Planner:
         if now_s - self._view_sent_s < VIEW_PERIOD_S:
             return
         self._view_sent_s = now_s
-        way = np.array(self._mission.way[:WAY_SHOWN_MAX], dtype=np.float32).reshape(-1, 2)
+        path = np.array(self._mission.path[:PATH_SHOWN_MAX], dtype=np.float32).reshape(-1, 2)
         area_m2 = self._grid.area_m2 if self._grid is not None else 0.0
         bus.publish(
             PLAN,
@@ -251,7 +251,7 @@ class Planner:
                 now_s,
                 mode.name,
                 mode.value,
-                way,
+                path,
                 len(self._mission.groups),
                 area_m2,
                 self._mission.finished,
@@ -271,6 +271,6 @@ def _may_resume(command: OperatorCommand, permit: Permit | None) -> bool:
 
 
 def _median(values: deque[float]) -> float:
-    """Of those that were heard; NaN where most were not."""
+    """Of those with an echo; NaN where most were not."""
     heard = sorted(v for v in values if v == v)
     return heard[len(heard) // 2] if len(heard) > len(values) // 2 else math.nan

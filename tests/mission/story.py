@@ -56,9 +56,9 @@ class Story:
             self.robot.advance()
             watch()
 
-    def goes_on(self, way_m: float = 0.5, within_s: float = 90.0) -> bool:
+    def goes_on(self, step_m: float = 0.5, within_s: float = 90.0) -> bool:
         """Does it get that far away from where it is?"""
         from_pose = self.world.truth
         return self.until(
-            lambda: hypot(self.world.truth.x_m - from_pose.x_m, self.world.truth.y_m - from_pose.y_m) > way_m, within_s
+            lambda: hypot(self.world.truth.x_m - from_pose.x_m, self.world.truth.y_m - from_pose.y_m) > step_m, within_s
         )

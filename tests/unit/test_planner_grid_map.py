@@ -11,9 +11,9 @@ import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.messages import GridUpdate
-from onboard.planner.grid_map import FREE, UNKNOWN, WALL, GridMap, close_slivers
-from onboard.planner.grid_reading import GridError, GridReader, read
-from onboard.planner.work import Sliced, at_once
+from onboard.planner.grid.grid_map import FREE, UNKNOWN, WALL, GridMap, close_slivers
+from onboard.planner.grid.grid_reading import GridError, GridReader, read
+from onboard.planner.grid.sliced_work import Sliced, at_once
 
 CELL_M = 0.1
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
@@ -122,7 +122,7 @@ def test_clearance_is_the_distance_to_the_nearest_wall_cell() -> None:
 
 
 @pytest.mark.requirement("PLN_MR_03")
-def test_the_hull_stands_nowhere_that_it_would_touch() -> None:
+def test_the_footprint_stands_nowhere_that_it_would_touch() -> None:
     grid = hall()
     standable = np.argwhere(grid.standable())
     walls = grid.centres(np.argwhere(grid.cells == WALL))

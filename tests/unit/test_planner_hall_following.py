@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from common.geometry import Points, Pose2
-from onboard.planner.hall_following import DIRECTIONS_MIN, HallFollowing, hall_direction_rad
+from onboard.planner.driving.hall_following import DIRECTIONS_MIN, HallFollowing, hall_direction_rad
 
 EAST = 0.0
 HERE = Pose2(4.0, 2.0, 0.0)

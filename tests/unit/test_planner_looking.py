@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.geometry import Pose2
-from onboard.planner.looking import LOOK_S, TURN_TIMEOUT_S, Looking
+from onboard.planner.driving.looking import LOOK_S, TURN_TIMEOUT_S, Looking
 
 EAST, NORTH = Pose2(0.0, 0.0, 0.0), Pose2(0.0, 0.0, 1.57)
 

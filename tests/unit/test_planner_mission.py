@@ -9,11 +9,11 @@ import pytest
 
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import Speed
-from onboard.planner.grid_map import GridMap
-from onboard.planner.mission import Mission, Mode
-from onboard.planner.setbacks import BLOCK_FOR_S
-from onboard.planner.view import Motion, View
-from onboard.planner.wall_imaging import WallImaging
+from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S
+from onboard.planner.exploration.wall_imaging import WallImaging
+from onboard.planner.grid.grid_map import GridMap
+from onboard.planner.grid.view import Motion, View
+from onboard.planner.mission.mission import Mission, Mode
 from tests.unit.test_planner_grid_map import Box, drawn, hall
 from tests.unit.test_planner_route_planning import two_rooms
 
@@ -47,10 +47,10 @@ class Drive:
         motion = self.mission.step(self.view())
         off_rad = wrap_angle(motion.heading_rad - self.pose.heading_rad)
         turn_rad = max(-TURN_RAD_S * PERIOD_S, min(TURN_RAD_S * PERIOD_S, off_rad))
-        way_m = 0.0 if abs(off_rad) > radians(15.0) else SPEEDS[motion.speed] * PERIOD_S
+        step_m = 0.0 if abs(off_rad) > radians(15.0) else SPEEDS[motion.speed] * PERIOD_S
         heading_rad = wrap_angle(self.pose.heading_rad + turn_rad)
         self.pose = Pose2(
-            self.pose.x_m + way_m * cos(heading_rad), self.pose.y_m + way_m * sin(heading_rad), heading_rad
+            self.pose.x_m + step_m * cos(heading_rad), self.pose.y_m + step_m * sin(heading_rad), heading_rad
         )
         return motion
 
@@ -100,7 +100,7 @@ def test_a_way_that_takes_long_to_find_is_waited_for_and_driven() -> None:
         speeds.append(drive.step().speed)
     assert speeds == [Speed.STOP] * len(speeds)
     assert 3 < len(speeds) < 50
-    assert drive.mission.way[-1] == (2.0, 2.0)
+    assert drive.mission.path[-1] == (2.0, 2.0)
     assert drive.step().speed is not Speed.STOP
 
 
@@ -112,7 +112,7 @@ def test_who_is_sent_home_does_not_go_on_looking_for_another_way() -> None:
     drive.mission.go_home()
     while drive.step().speed is Speed.STOP:
         pass
-    assert drive.mission.way[-1] == (0.0, 0.0)
+    assert drive.mission.path[-1] == (0.0, 0.0)
 
 
 def test_home_that_cannot_be_reached_is_waited_for_and_reached_when_the_way_is_open_again() -> None:
@@ -187,7 +187,7 @@ def test_a_place_that_cannot_be_reached_is_not_answered_with_another() -> None:
 
 @pytest.mark.requirement("PLN_MR_01")
 def test_a_way_that_was_chosen_at_a_junction_is_driven_before_another_is_chosen() -> None:
-    """Open floor on all sides: who chose the right-most way at every stop would turn round and round on the spot."""
+    """Open floor on all sides: who chose the right-most branch at every stop would turn round and round on the spot."""
     drive = Drive(drawn([(-2.0, -2.0, 2.0, 2.0)], [], (12.0, 12.0), (-6.0, -6.0)), Pose2(0.0, 0.0, 0.0))
     drive.mission.start(drive.pose, drive.now_s)
     turned_rad, turned_by_leg = 0.0, []
@@ -254,15 +254,15 @@ def test_a_robot_that_stands_askew_in_a_hall_turns_along_it_before_it_goes_on() 
 
 
 def test_a_wall_that_cannot_be_reached_is_given_up_and_not_tried_for_ever() -> None:
-    """Something that no map shows stands beside the way, next to every place where it wants to stand."""
+    """Something that no map shows stands beside the path, next to every place where it wants to stand."""
     drive = Drive(closed_hall(), Pose2(0.0, 0.0, 0.0))
     drive.mission = Mission(images_walls=True)
     drive.mission.start(drive.pose, drive.now_s)
     began_s = drive.now_s
     while drive.mission.mode is not Mode.HOME:
         drive.step()
-        way = drive.mission.way
-        if drive.mission.mode is Mode.IMAGE and way and drive.pose.distance_m(Pose2(*way[-1], 0.0)) < 0.5:
+        path = drive.mission.path
+        if drive.mission.mode is Mode.IMAGE and path and drive.pose.distance_m(Pose2(*path[-1], 0.0)) < 0.5:
             drive.mission.blocked(drive.view(), radians(-80.0))
             drive.pose = drive.pose.compose(Pose2(-0.2, 0.0, 0.0))
         assert drive.now_s - began_s < 600.0

@@ -39,9 +39,9 @@ from common.messages import (
     Ranges,
     Speed,
 )
-from onboard.planner.gyro_rest import REST_EVERY_S, REST_S
+from onboard.planner.driving.net_rotation_balancing import AHEAD_RAD
+from onboard.planner.driving.zero_velocity_update import REST_EVERY_S, REST_S
 from onboard.planner.planner import Planner
-from onboard.planner.unwinding import AHEAD_RAD
 from tests.unit.test_planner_grid_map import drawn, hall, update_of
 
 FAR = (1.0, nan, nan, nan, 1.0)
@@ -453,4 +453,4 @@ def test_a_pose_from_a_far_time_does_not_end_the_steering() -> None:
     robot.others.publish(POSE, replace(robot.pose, t_s=1e9))
     robot.planner.step(robot.bus, robot.now_s)
     robot.ask(Operation.GOTO, 900.0, 900.0)
-    assert not moving(robot.run(2.0)[-5:]), "no way leads there"
+    assert not moving(robot.run(2.0)[-5:]), "no path leads there"

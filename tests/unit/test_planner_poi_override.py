@@ -3,7 +3,7 @@
 import pytest
 
 from common.messages import PoiCommand, Speed
-from onboard.planner.poi_override import HOLD_MAX_S, Override, after, speed
+from onboard.planner.driving.poi_override import HOLD_MAX_S, Override, after, speed
 
 
 @pytest.mark.requirement("POI_MR_05")

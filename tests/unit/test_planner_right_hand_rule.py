@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.constants import HALL_WIDTH_FOR_BOTH_M, MIN_DISTANCE_POI_M, MIN_DISTANCE_TO_WALL_M
-from onboard.planner.right_hand_rule import SHIFT_MAX_RAD, Turn, decide, shift_rad
+from onboard.planner.exploration.right_hand_rule import SHIFT_MAX_RAD, Turn, decide, shift_rad
 
 DISTANCES = st.floats(0.22, 6.5) | st.just(nan)
 
@@ -115,7 +115,7 @@ RIGHT, FORWARD, LEFT, BACK = Turn
 
 @pytest.mark.requirement("PLN_MR_01", "PLN_MR_02")
 @pytest.mark.parametrize(
-    ("open_ways", "taken"),
+    ("open_turns", "taken"),
     [
         pytest.param({FORWARD}, FORWARD, id="case 1: in a hall, on"),
         pytest.param({FORWARD, LEFT}, FORWARD, id="case 2: on, the left stays on the list"),
@@ -127,5 +127,5 @@ RIGHT, FORWARD, LEFT, BACK = Turn
         pytest.param({RIGHT, FORWARD}, RIGHT, id="case 8: right, the way ahead stays on the list"),
     ],
 )
-def test_every_junction_is_decided_as_the_table_says(open_ways: set[Turn], taken: Turn) -> None:
-    assert decide(open_ways) is taken
+def test_every_junction_is_decided_as_the_table_says(open_turns: set[Turn], taken: Turn) -> None:
+    assert decide(open_turns) is taken

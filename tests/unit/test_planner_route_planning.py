@@ -1,4 +1,4 @@
-"""Ways over the known floor: where they lead, what they keep clear of, and when there is none."""
+"""Paths over the known floor: where they lead, what they keep clear of, and when there is none."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
-from onboard.planner.grid_map import Cell, GridMap, Mask
-from onboard.planner.route_planning import (
+from onboard.planner.grid.grid_map import Cell, GridMap, Mask
+from onboard.planner.grid.sliced_work import at_once
+from onboard.planner.routing.route_planning import (
     TIGHT_CLEARANCE_M,
     TIGHT_PRICE,
     cell_prices,
@@ -18,7 +19,6 @@ from onboard.planner.route_planning import (
     shortest_path,
     straight_is_clear,
 )
-from onboard.planner.work import at_once
 from tests.unit.test_planner_grid_map import drawn, hall
 
 
@@ -63,14 +63,14 @@ def test_a_way_along_a_hall_keeps_to_its_middle() -> None:
 
 
 @pytest.mark.requirement("PLN_MR_03")
-def test_no_way_leads_through_a_gap_narrower_than_the_hull() -> None:
+def test_no_way_leads_through_a_gap_narrower_than_the_footprint() -> None:
     gap_m = 0.4
     assert gap_m < 2 * FOOTPRINT_RADIUS_M
     assert path(two_rooms(gap_m), (2.0, 3.0), (8.0, 3.0)) is None
 
 
 def staggered(opening_m: float = 0.0) -> GridMap:
-    """Two rooms whose walls leave a gap across a corner that the hull just fits, and maybe an opening below."""
+    """Two rooms whose walls leave a gap across a corner that the footprint just fits, and maybe an opening below."""
     return drawn(
         [(1.0, 1.0, 9.0, 5.0)],
         [
@@ -87,7 +87,7 @@ def tight_cells(grid: GridMap, cells: list[Cell]) -> list[Cell]:
 
 
 @pytest.mark.requirement("PLN_MR_03")
-def test_a_gap_that_the_hull_just_fits_is_taken_where_no_other_way_leads() -> None:
+def test_a_gap_that_the_footprint_just_fits_is_taken_where_no_other_way_leads() -> None:
     grid = staggered()
     cells = path(grid, (2.0, 3.5), (8.0, 2.8))
     assert cells is not None
@@ -170,13 +170,13 @@ def test_string_pulling_leaves_few_legs_and_keeps_the_clearance() -> None:
     grid = two_rooms(1.6)
     cells = path(grid, (2.0, 1.6), (8.0, 1.6))
     assert cells is not None
-    way = at_once(pull_string(grid, np.array(cells)))
-    assert way[0] == grid.centre(cells[0])
-    assert way[-1] == grid.centre(cells[-1])
-    assert len(way) <= 8
-    for a, b in pairwise(way):
+    waypoints = at_once(pull_string(grid, np.array(cells)))
+    assert waypoints[0] == grid.centre(cells[0])
+    assert waypoints[-1] == grid.centre(cells[-1])
+    assert len(waypoints) <= 8
+    for a, b in pairwise(waypoints):
         assert straight_is_clear(grid, a, b, FOOTPRINT_RADIUS_M)
-    length_m = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(way))
+    length_m = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(waypoints))
     assert 6.0 < length_m < 8.0
 
 

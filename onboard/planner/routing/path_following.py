@@ -1,4 +1,4 @@
-"""Driving along a way that was planned: grid, pose and way points in; the point to steer for and the speed out."""
+"""Driving along a path that was planned: grid, pose and waypoints in; the point to steer for and the speed out."""
 
 from __future__ import annotations
 
@@ -6,40 +6,40 @@ from math import cos, hypot, radians, sin
 
 from common.geometry import Pose2, wrap_angle
 from common.messages import Speed
-from onboard.planner.grid_map import GridMap
-from onboard.planner.route_planning import straight_is_clear
+from onboard.planner.grid.grid_map import GridMap
+from onboard.planner.routing.route_planning import straight_is_clear
 
 ARRIVED_M = 0.15
-PASSED_WITHIN_M = 0.4  # a way point this near counts as passed when it lies behind
+PASSED_WITHIN_M = 0.4  # a waypoint this near counts as passed when it lies behind
 FAST_CLEARANCE_M = 0.6
 FAST_LENGTH_M = 1.5
 FAST_LOOK_AHEAD_M = 1.0
 FAST_TURN_RAD = radians(10.0)
 
-Way = list[tuple[float, float]]  # points in the map, metres
+Path = list[tuple[float, float]]  # points in the map, metres
 
 
-def rest_of(way: Way, pose: Pose2) -> Way:
-    """The way without the points that were reached or passed; its last point stays. The first is what to steer for."""
+def rest_of(path: Path, pose: Pose2) -> Path:
+    """The path without the points that were reached or passed; its last point stays. The first is what to steer for."""
     passed = 0
-    while passed < len(way) - 1:
-        first, second = way[passed], way[passed + 1]
+    while passed < len(path) - 1:
+        first, second = path[passed], path[passed + 1]
         gap_m = hypot(first[0] - pose.x_m, first[1] - pose.y_m)
         onwards = (second[0] - first[0]) * (pose.x_m - first[0]) + (second[1] - first[1]) * (pose.y_m - first[1])
         if not (gap_m < ARRIVED_M or (onwards > 0.0 and gap_m < PASSED_WITHIN_M)):
             break
         passed += 1
-    return way[passed:]
+    return path[passed:]
 
 
-def arrived(way: Way, pose: Pose2) -> bool:
+def arrived(path: Path, pose: Pose2) -> bool:
     """Is the last point reached?"""
-    return hypot(way[-1][0] - pose.x_m, way[-1][1] - pose.y_m) < ARRIVED_M
+    return hypot(path[-1][0] - pose.x_m, path[-1][1] - pose.y_m) < ARRIVED_M
 
 
-def speed_along(way: Way, pose: Pose2, heading_rad: float, grid: GridMap) -> Speed:
+def speed_along(path: Path, pose: Pose2, heading_rad: float, grid: GridMap) -> Speed:
     """Fast on a long leg with much room on both sides, where the robot already heads along it."""
-    to_go_m = hypot(way[0][0] - pose.x_m, way[0][1] - pose.y_m)
+    to_go_m = hypot(path[0][0] - pose.x_m, path[0][1] - pose.y_m)
     if to_go_m < FAST_LENGTH_M or abs(wrap_angle(heading_rad - pose.heading_rad)) > FAST_TURN_RAD:
         return Speed.MEDIUM
     ahead = (

@@ -1,7 +1,6 @@
 """Driving straight along a hall: walls, grid and distances in; the heading to steer and the openings passed out.
 
-The leg takes the direction of the walls beside it, and so does every later choice of a way: most buildings stand at
-right angles.
+The leg takes the direction of the walls beside it, and so does every later leg: most buildings stand at right angles.
 """
 
 from __future__ import annotations
@@ -11,19 +10,19 @@ from math import atan2, cos, radians, sin
 import numpy as np
 
 from common.geometry import Points, Pose2, RightAngles, wrap_angle
-from onboard.planner.exploration import Cells, Frontier, opening_on_the_right
-from onboard.planner.grid_map import GridMap
-from onboard.planner.right_hand_rule import shift_rad
+from onboard.planner.exploration.frontiers import Cells, Frontier, opening_on_the_right
+from onboard.planner.exploration.right_hand_rule import shift_rad
+from onboard.planner.grid.grid_map import GridMap
 
 STEER_MAX_RAD = radians(10.0)
-DIRECTIONS_MIN = 30  # of halls, before anything is concluded of the building
+DIRECTIONS_MIN = 30  # of halls, before anything is inferred about the building
 RIGHT_ANGLES_SHARE = 0.6
 FOLLOW_SHARE = 0.15  # of the difference to the wall's direction, each time it is seen
 OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
 
 
 class HallFollowing:
-    """The leg under way (`start`, `heading_rad`), and what the halls so far say of the building's directions."""
+    """The present leg (`start`, `heading_rad`), and what the halls so far show of the building's directions."""
 
     def __init__(self) -> None:
         self.start = Pose2(0.0, 0.0, 0.0)

@@ -12,15 +12,15 @@ REST_EVERY_S = 12.0
 REST_S = 1.2  # of standing: a hundred samples of the gyro
 
 
-class GyroRest:
-    """To be asked in every step. At the first one the board has just measured the bias, or it would not be ready."""
+class ZeroVelocityUpdate:
+    """To be called in every step. At the first one the board has just measured the bias, or it would not be ready."""
 
     def __init__(self) -> None:
         self._rested_s: float | None = None
         self._standing_since_s: float | None = None
 
     def due(self, now_s: float, standing: bool) -> bool:
-        """Must the robot stand now? `standing`: by SIM's word, which measures the bias as long as that holds."""
+        """Must the robot stand now? `standing`: as SIM reports, which measures the bias as long as that holds."""
         if not standing:
             self._standing_since_s = None
         elif self._standing_since_s is None:

@@ -1,4 +1,5 @@
-"""The emergency routine: stop for anything too near in the direction of motion, then get away from it.
+"""The collision monitor, the specification's emergency routine: stop for what is too near in the direction of motion,
+then get away from it.
 
 Runs at the Planner's full rate on the newest ranges, whatever the mission wants.
 """
@@ -23,7 +24,7 @@ REACTION_S = 0.25  # age of a range and of a command
 BRAKING_M_S2 = 0.3
 BLOCKED_S = 1.2  # standing in front of it for so long makes it an obstacle
 CLEAR_S = 0.3  # a single lost echo is no all-clear
-BACK_OFF_S = 1.3  # asked for; the firmware judges how much floor there is behind
+BACK_OFF_S = 1.3  # requested; the firmware judges how much floor there is behind
 AHEAD = (SONAR_FRONT, SONAR_FRONT_LEFT, SONAR_FRONT_RIGHT)
 
 
@@ -34,17 +35,17 @@ class Phase(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Emergency:
+class CollisionMonitor:
     """State between ticks: `since_s` is when the phase began, `bearing_rad` where the thing stands."""
 
     phase: Phase = Phase.CLEAR
     since_s: float = 0.0
     bearing_rad: float = 0.0
-    near_s: float = 0.0  # when it was last heard
+    near_s: float = 0.0  # when it was last received
 
 
 def nearest_ahead(ranges_m: tuple[float, ...]) -> tuple[float, float]:
-    """Distance from the hull (metres) and bearing of the nearest echo ahead; infinite where there is none.
+    """Distance from the footprint (metres) and bearing of the nearest echo ahead; infinite where there is none.
 
     `ranges_m` (5) from the ring's centre, NaN = no echo.
     """
@@ -55,30 +56,30 @@ def nearest_ahead(ranges_m: tuple[float, ...]) -> tuple[float, float]:
 
 
 def stopping_m(speed_m_s: float) -> float:
-    """The way that the robot still goes at this speed before it stands."""
+    """The distance that the robot still goes at this speed before it stands."""
     speed = max(speed_m_s, 0.0)
     return speed * REACTION_S + speed**2 / (2 * BRAKING_M_S2)
 
 
 def watch(
-    state: Emergency, now_s: float, wanted: Speed, ranges_m: tuple[float, ...], speed_m_s: float
-) -> tuple[Emergency, bool]:
+    state: CollisionMonitor, now_s: float, wanted: Speed, ranges_m: tuple[float, ...], speed_m_s: float
+) -> tuple[CollisionMonitor, bool]:
     """Next state, and whether the obstacle has just become one to plan around. `ranges_m` as of `nearest_ahead`."""
     distance_m, bearing_rad = nearest_ahead(ranges_m)
     limit_m = PLANNER_CLEARANCE_M + stopping_m(max(speed_m_s, SPEED_MEDIUM_M_S))
     near = distance_m < limit_m
     forward = wanted in (Speed.MEDIUM, Speed.HIGH)
-    stop = Emergency(Phase.STOPPED, now_s, bearing_rad, now_s)
+    stop = CollisionMonitor(Phase.STOPPED, now_s, bearing_rad, now_s)
     if state.phase is Phase.CLEAR:
         return (stop, False) if near and forward else (state, False)
     if state.phase is Phase.BACKING:
         if now_s - state.since_s <= BACK_OFF_S:
             return state, False
-        return (stop if near and forward else Emergency()), False
+        return (stop if near and forward else CollisionMonitor()), False
     if near:
         state = replace(state, near_s=now_s, bearing_rad=bearing_rad)
     elif now_s - state.near_s > CLEAR_S:
-        return Emergency(), False
+        return CollisionMonitor(), False
     if now_s - state.since_s > BLOCKED_S:
-        return Emergency(Phase.BACKING, now_s, state.bearing_rad), True
+        return CollisionMonitor(Phase.BACKING, now_s, state.bearing_rad), True
     return state, False

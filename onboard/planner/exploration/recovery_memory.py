@@ -1,6 +1,6 @@
-"""What did not work, where, and how long that counts: things met in the way, ways taken in vain, standing still.
+"""What did not work, where, and how long that counts: obstacles met, headings taken in vain, standing still.
 
-The mission asks these memories before it tries a thing again. Places that were put off are `exploration`'s.
+The mission queries these memories before it tries a thing again. Deferred frontiers are in `frontiers`.
 """
 
 from __future__ import annotations
@@ -10,21 +10,21 @@ from math import hypot, inf, radians
 import numpy as np
 
 from common.geometry import Pose2, wrap_angle
-from onboard.planner.grid_map import GridMap, Mask
+from onboard.planner.grid.grid_map import GridMap, Mask
 
 BLOCK_RADIUS_M = 0.35
 BLOCK_FOR_S = 25.0
-BLOCK_TOLERANCE_M = 0.05  # a way was planned past it from cell to cell
+BLOCK_TOLERANCE_M = 0.05  # a path was planned past it from cell to cell
 STAGNANT_M = 0.1
 STAGNANT_RAD = radians(20.0)
 STAGNANT_S = 20.0
 STAGNANT_STEP_MAX_S = 0.5  # of one step: a gap in the steps is no standing still
 SAME_PLACE_M = 0.3
-SAME_WAY_RAD = radians(30.0)
+SAME_HEADING_RAD = radians(30.0)
 
 
 class Obstacles:
-    """Things in the way that the map does not know: each is planned around for a while, and longer every time again."""
+    """Obstacles that the map does not know: each is planned around for a while, and longer every time again."""
 
     def __init__(self) -> None:
         self._places: list[tuple[float, float, float]] = []  # where, and until when
@@ -43,7 +43,7 @@ class Obstacles:
         """Drop those whose time is over."""
         self._places = [place for place in self._places if place[2] > now_s]
 
-    def may_hide_a_way(self, now_s: float) -> bool:
+    def may_hide_a_path(self, now_s: float) -> bool:
         """Was one met lately where none had been before?"""
         return now_s < self._new_until_s
 
@@ -70,7 +70,7 @@ class Obstacles:
 
 
 class Stillness:
-    """How long the robot has not moved while it was under way to something, whatever the reason."""
+    """How long the robot has not moved while it was driving to a place, whatever the reason."""
 
     def __init__(self) -> None:
         self._anchor: Pose2 | None = None
@@ -92,8 +92,8 @@ class Stillness:
         return True
 
 
-class TriedWays:
-    """Ways on, as pose and heading, that need not be tried again from about there."""
+class TriedBranches:
+    """Headings taken, as pose and heading, that need not be tried again from about there."""
 
     def __init__(self) -> None:
         self._vain_legs: list[Pose2] = []
@@ -104,21 +104,22 @@ class TriedWays:
         if start.distance_m(end) < SAME_PLACE_M:
             self._vain_legs.append(start)
 
-    def add_side(self, way: Pose2) -> None:
-        """The robot turned to a side way."""
-        self._sides.append(way)
+    def add_side(self, branch: Pose2) -> None:
+        """The robot turned to a side branch."""
+        self._sides.append(branch)
 
-    def leg_in_vain(self, way: Pose2) -> bool:
+    def leg_in_vain(self, branch: Pose2) -> bool:
         """Did driving straight on from here lead nowhere?"""
-        return any(_same(way, other) for other in self._vain_legs)
+        return any(_same(branch, other) for other in self._vain_legs)
 
-    def tried(self, way: Pose2) -> bool:
-        """Was this way turned to, or a leg in vain?"""
-        return self.leg_in_vain(way) or any(_same(way, other) for other in self._sides)
+    def tried(self, branch: Pose2) -> bool:
+        """Was this branch turned to, or a leg in vain?"""
+        return self.leg_in_vain(branch) or any(_same(branch, other) for other in self._sides)
 
 
-def _same(way: Pose2, other: Pose2) -> bool:
-    return other.distance_m(way) < SAME_PLACE_M and abs(wrap_angle(other.heading_rad - way.heading_rad)) < SAME_WAY_RAD
+def _same(branch: Pose2, other: Pose2) -> bool:
+    turn_rad = abs(wrap_angle(other.heading_rad - branch.heading_rad))
+    return other.distance_m(branch) < SAME_PLACE_M and turn_rad < SAME_HEADING_RAD
 
 
 def _distance_to_leg(p: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:

@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from common.constants import CAMERA_FIELD_OF_VIEW_RAD, CAMERA_INCIDENCE_MAX_RAD, CAMERA_RANGE_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from onboard.planner.exploration import Cells, considered
-from onboard.planner.grid_map import WALL, Cell, GridMap, Mask
-from onboard.planner.grid_reading import tiles
-from onboard.planner.work import Work
+from onboard.planner.exploration.frontiers import Cells, considered
+from onboard.planner.grid.grid_map import WALL, Cell, GridMap, Mask
+from onboard.planner.grid.grid_reading import tiles
+from onboard.planner.grid.sliced_work import Work
 
 SPACING_M = 0.1  # between two looks
 TURNED_RAD = radians(5.0)
@@ -31,7 +31,7 @@ UNSEEN_REACH_CELLS = 6  # around a cell of wall that was not seen,
 UNSEEN_CELLS_MIN = 10  # so many of the kind are worth a visit: what could hold a door
 DISTANCES_M = (1.5, 1.2, 0.9, 0.6)  # from the wall, best first
 SIGHT_GAP_M = 0.2  # a sight line ends before the wall itself
-AHEAD_M = (-0.3, 2.0)  # along the way, in which an unseen wall on the right is worth going on for
+AHEAD_M = (-0.3, 2.0)  # along the path, in which an unseen wall on the right is worth going on for
 SAME_WALL_RAD = radians(30.0)
 SAME_WALL_M = 1.0
 TILE_CELLS = 200  # of a large grid, along both axes
@@ -44,7 +44,7 @@ Keys = npt.NDArray[np.int64]  # (N,) cells of the map, whatever part of it a gri
 
 
 class WallImaging:
-    """What was seen so far. `look` takes in where the robot is, the rest is asked."""
+    """What was seen so far. `look` takes in where the robot is; the rest are queries."""
 
     def __init__(self) -> None:
         self._seen: Keys = np.zeros(0, dtype=np.int64)
@@ -103,7 +103,7 @@ class WallImaging:
         return found
 
     def worth_going_on(self, grid: GridMap, pose: Pose2, heading_rad: float) -> bool:
-        """Will driving on that way show an unseen wall on the right before long?"""
+        """Will driving on along this heading show an unseen wall on the right before long?"""
         near = grid.window(pose.x_m, pose.y_m, CAMERA_RANGE_M)
         cells = np.argwhere(self.unseen(near))
         c, s = cos(heading_rad), sin(heading_rad)
@@ -216,7 +216,7 @@ def _sees_wall(grid: GridMap, here: tuple[float, float], wall: tuple[float, floa
 
 
 def _spot(grid: GridMap, wall: tuple[float, float], towards_rad: float) -> Cell | None:
-    """The best cell to stand on and see that place on a wall, `towards_rad` being the way off the wall."""
+    """The best cell to stand on and see that place on a wall, `towards_rad` being the direction off the wall."""
     for distance_m in DISTANCES_M:
         x_m, y_m = wall[0] + distance_m * cos(towards_rad), wall[1] + distance_m * sin(towards_rad)
         if grid.stands(x_m, y_m) and _sees_wall(grid, (x_m, y_m), wall):

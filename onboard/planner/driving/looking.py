@@ -12,7 +12,7 @@ TURN_TIMEOUT_S = 12.0
 
 
 class Looking:
-    """The look under way, towards `heading_rad`."""
+    """The present look, towards `heading_rad`."""
 
     def __init__(self) -> None:
         self.heading_rad = 0.0

@@ -1,4 +1,4 @@
-"""Following a way that was planned, on drawn floors."""
+"""Following a path that was planned, on drawn floors."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import pytest
 
 from common.geometry import Pose2
 from common.messages import Speed
-from onboard.planner.way_following import Way, arrived, rest_of, speed_along
+from onboard.planner.routing.path_following import Path, arrived, rest_of, speed_along
 from tests.unit.test_planner_grid_map import drawn
 
-WAY: Way = [(1.0, 3.0), (2.0, 3.0), (6.0, 3.0)]
+PATH: Path = [(1.0, 3.0), (2.0, 3.0), (6.0, 3.0)]
 
 
 @pytest.mark.parametrize(
     ("x_m", "y_m", "left"),
-    [(0.5, 3.0, WAY), (0.95, 3.0, WAY[1:]), (1.3, 3.1, WAY[1:]), (1.3, 3.5, WAY)],
+    [(0.5, 3.0, PATH), (0.95, 3.0, PATH[1:]), (1.3, 3.1, PATH[1:]), (1.3, 3.5, PATH)],
     ids=["before", "reached", "passed", "passed too far aside"],
 )
-def test_a_point_that_was_reached_or_passed_nearby_is_dropped(x_m: float, y_m: float, left: Way) -> None:
-    assert rest_of(WAY, Pose2(x_m, y_m, 0.0)) == left
+def test_a_point_that_was_reached_or_passed_nearby_is_dropped(x_m: float, y_m: float, left: Path) -> None:
+    assert rest_of(PATH, Pose2(x_m, y_m, 0.0)) == left
 
 
 def test_the_last_point_stays_until_it_is_arrived_at() -> None:
     there = Pose2(6.0, 3.0, 0.0)
-    assert rest_of(WAY[2:], there) == WAY[2:]
-    assert arrived(WAY, there)
-    assert not arrived(WAY, Pose2(5.5, 3.0, 0.0))
+    assert rest_of(PATH[2:], there) == PATH[2:]
+    assert arrived(PATH, there)
+    assert not arrived(PATH, Pose2(5.5, 3.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def shift_rad(left_m: float, right_m: float) -> float:
 
 
 class Turn(Enum):
-    """A way on at a junction; the value is the change of heading in radians."""
+    """A branch at a junction; the value is the change of heading in radians."""
 
     RIGHT = -pi / 2
     FORWARD = 0.0
@@ -44,10 +44,10 @@ class Turn(Enum):
     BACK = pi
 
 
-def decide(open_ways: Collection[Turn]) -> Turn:
-    """Table P3.0: the right-most open way; out of a dead end, back.
+def decide(open_turns: Collection[Turn]) -> Turn:
+    """Table P3.0: the right-most open branch; out of a dead end, back.
 
-    The ways that are open too and not taken are the side halls of the table: they stay on the list of
-    `exploration.groups` until somebody has looked into them.
+    The branches that are open too and not taken are the side halls of the table: they stay on the list of
+    `frontiers.groups` until somebody has visited them.
     """
-    return next((turn for turn in (Turn.RIGHT, Turn.FORWARD, Turn.LEFT) if turn in open_ways), Turn.BACK)
+    return next((turn for turn in (Turn.RIGHT, Turn.FORWARD, Turn.LEFT) if turn in open_turns), Turn.BACK)

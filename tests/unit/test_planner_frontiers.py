@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
-from onboard.planner.exploration import (
+from onboard.planner.exploration.frontiers import (
     CONSIDERED_MAX,
     STRAIGHT_MAX_M,
-    Exploration,
     Frontier,
+    FrontierMemory,
     considered,
     groups,
     opening_on_the_right,
@@ -20,18 +20,18 @@ from onboard.planner.exploration import (
     straight_reach_m,
     unknown_direction_rad,
 )
-from onboard.planner.grid_map import GridMap
+from onboard.planner.grid.grid_map import GridMap
 from tests.unit.test_planner_grid_map import drawn, hall
 
 EAST = 0.0
 
 
 def frontier_of(grid: GridMap) -> Frontier:
-    return Exploration().frontier(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0))
+    return FrontierMemory().frontier(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0))
 
 
 def junction(opening_m: float = 2.0) -> GridMap:
-    """A hall along x, closed at both ends, with an opening to the south at x = 4 that nobody has looked into."""
+    """A hall along x, closed at both ends, with an opening to the south at x = 4 that nobody has visited."""
     x0, x1 = 4.0 - opening_m / 2, 4.0 + opening_m / 2
     return drawn(
         [(1.0, 2.0, 9.0, 4.0), (x0, 1.5, x1, 2.0)],
@@ -62,9 +62,9 @@ def test_a_closed_floor_has_no_group() -> None:
 
 def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> None:
     grid = drawn([(1.0, 2.0, 9.0, 4.0)], [(1.0, 1.9, 9.0, 2.0), (1.0, 4.0, 9.0, 4.1)])
-    exploration = Exploration()
+    exploration = FrontierMemory()
     for y_m in (2.5, 3.0, 3.5):
-        exploration.give_up(8.9, y_m)
+        exploration.mark_visited(8.9, y_m)
     left = groups(grid, exploration.frontier(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)))
     assert [group.x_m for group in left] == pytest.approx([1.05])
 
@@ -72,7 +72,7 @@ def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> N
 def test_what_is_blocked_is_no_frontier() -> None:
     grid = hall(closed=False)
     assert len(frontier_of(grid).cells)
-    assert not len(Exploration().frontier(grid, np.ones(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)).cells)
+    assert not len(FrontierMemory().frontier(grid, np.ones(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)).cells)
 
 
 def test_of_too_many_cells_those_around_the_robot_are_considered() -> None:

@@ -1,4 +1,4 @@
-"""Table P2.0: the POI module may hold the robot, send it back a little, and let it go on; else the mission has its say.
+"""Table P2.0: the POI module may hold the robot, send it back a little, and let it go on; else the mission decides.
 
 A request while the Carrier turns is ignored, as the specification demands; a hold that nobody ends, ends by itself. How
 far back there is floor that the robot knows, the firmware judges: it stands where that ends.
@@ -22,14 +22,14 @@ class Override:
 
 
 def after(state: Override, command: PoiCommand, now_s: float, turning: bool) -> Override:
-    """The override once this request is heard. GOTO is no override: the mission drives there."""
+    """The override once this request is received. GOTO is no override: the mission drives there."""
     if turning or command is PoiCommand.GOTO:
         return state
     return state if command is state.command else Override(command, now_s)
 
 
 def speed(state: Override, now_s: float) -> Speed | None:
-    """What the override asks of the Carrier; None where the mission decides."""
+    """What the override requests of the Carrier; None where the mission decides."""
     if state.command is PoiCommand.CONTINUE or now_s - state.since_s > HOLD_MAX_S:
         return None
     return Speed.REVERSE if state.command is PoiCommand.REVERSE else Speed.STOP

@@ -1,4 +1,4 @@
-"""Which way round to turn about: the way that leaves the robot least wound up.
+"""Which way round to turn about: the one that leaves the smallest net rotation.
 
 The scale of a cheap gyro is off by parts of a percent: a robot that turned right three times more often than left does
 not know its heading to some degrees. Where both ways round are about as long, one of them takes that back.
@@ -10,26 +10,26 @@ from math import copysign, pi, radians
 
 from common.geometry import wrap_angle
 
-LONG_WAY_MAX_RAD = radians(240.0)
+LONG_TURN_MAX_RAD = radians(240.0)
 AHEAD_RAD = radians(120.0)  # of the robot at most, lest a command to turn left be taken for one to turn right
 
 
-class Unwinding:
-    """To be asked at every command."""
+class NetRotationBalancing:
+    """To be called at every command."""
 
     def __init__(self) -> None:
-        self._wound_rad = 0.0  # left turns less right turns since the beginning
+        self._net_rotation_rad = 0.0  # left turns less right turns since the beginning
         self._yaw_rad: float | None = None
 
     def turn_rad(self, yaw_rad: float, turn_rad: float, then_rad: float = 0.0) -> float:
-        """What to ask for, at most 120 deg at once: `turn_rad` (-pi to pi, left positive) or the other way round.
+        """The turn to request, at most 120 deg at once: `turn_rad` (-pi to pi, left positive) or the other way round.
 
         `yaw_rad`: the robot's yaw now. `then_rad`: the next turn after this one, as far as it is known.
         """
         if self._yaw_rad is not None:
-            self._wound_rad += wrap_angle(yaw_rad - self._yaw_rad)
+            self._net_rotation_rad += wrap_angle(yaw_rad - self._yaw_rad)
         self._yaw_rad = yaw_rad
         other_rad = turn_rad - copysign(2 * pi, turn_rad)
-        if abs(other_rad) <= LONG_WAY_MAX_RAD:
-            turn_rad = min(turn_rad, other_rad, key=lambda turn: abs(self._wound_rad + turn + then_rad))
+        if abs(other_rad) <= LONG_TURN_MAX_RAD:
+            turn_rad = min(turn_rad, other_rad, key=lambda turn: abs(self._net_rotation_rad + turn + then_rad))
         return max(-AHEAD_RAD, min(AHEAD_RAD, turn_rad))

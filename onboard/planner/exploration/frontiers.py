@@ -1,7 +1,7 @@
-"""What is still to be seen: the list of side halls as frontier groups, the way straight on, the opening on the right.
+"""What is still to be seen: the list of side halls as frontier groups, the path straight on, the opening on the right.
 
 The list of the specification holds a side hall's position and heading when the robot passes it; here it is read off the
-grid at any time: a group of frontier cells is a hall end or side hall that nobody has looked into, and it leaves the
+grid at any time: a group of frontier cells is a hall end or side hall that nobody has visited, and it leaves the
 list by itself when somebody has. (Frontiers: Yamauchi 1997.)
 """
 
@@ -14,17 +14,17 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import Points, Pose2
-from onboard.planner.grid_map import STAND_CLEARANCE_M, UNKNOWN, Cell, GridMap, Mask
+from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, UNKNOWN, Cell, GridMap, Mask
 
 GROUP_CELLS_MIN = 5
 GROUP_COARSENESS = 2  # grid cells
 STRAIGHT_MIN_M = 0.45
 STRAIGHT_MAX_M = 6.0
 STRAIGHT_SIDE_M = 5.0  # frontier this far to the side is seen in passing
-OPENING_BEHIND_M = (-2.0, -0.5)  # where along the way an opening on the right is judged: when it was passed
+OPENING_BEHIND_M = (-2.0, -0.5)  # where along the path an opening on the right is judged: when it was passed
 OPENING_SIDE_M = (-3.0, -0.3)
 OPENING_WIDTH_M = 0.6
-GIVEN_UP_RADIUS_M = 0.45
+LEFT_OUT_RADIUS_M = 0.45
 CONSIDERED_MAX = 5_000  # cells that are considered one by one: the frontier of two hundred ends of halls
 ROOMY_SHARE = 0.8  # of the best clearance in a group
 
@@ -52,37 +52,37 @@ class FrontierGroup:
 NOWHERE = Frontier(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)))
 
 
-class Exploration:
-    """Reads grid and pose; remembers only the places that were looked into or tried in vain."""
+class FrontierMemory:
+    """Reads grid and pose; remembers only the places that were visited or tried in vain."""
 
     def __init__(self) -> None:
-        self._looked_into: list[tuple[float, float]] = []
-        self._put_off: list[tuple[float, float]] = []
+        self._visited: list[tuple[float, float]] = []
+        self._deferred: list[tuple[float, float]] = []
         self._second_try = False
 
-    def give_up(self, x_m: float, y_m: float) -> None:
-        """Whatever frontier is left around this position was looked into from there: it will not be visited again."""
-        self._looked_into.append((x_m, y_m))
+    def mark_visited(self, x_m: float, y_m: float) -> None:
+        """Whatever frontier is left around this position was visited: it will not be visited again."""
+        self._visited.append((x_m, y_m))
 
-    def put_off(self, x_m: float, y_m: float) -> None:
+    def defer(self, x_m: float, y_m: float) -> None:
         """Something kept the robot from this position: the frontier around it waits for the second try."""
-        self._put_off.append((x_m, y_m))
+        self._deferred.append((x_m, y_m))
 
     def try_again(self) -> bool:
-        """Once, when all else is seen, bring back what was put off; False where nothing was or it is used up."""
-        if self._second_try or not self._put_off:
+        """Once, when all else is seen, bring back what was deferred; False where nothing was or it is used up."""
+        if self._second_try or not self._deferred:
             return False
-        self._second_try, self._put_off = True, []
+        self._second_try, self._deferred = True, []
         return True
 
     def frontier(self, grid: GridMap, blocked: Mask, pose: Pose2) -> Frontier:
         """Frontier cells that are still worth a visit, from this pose."""
         cells = considered(grid, grid.frontier & ~blocked, pose)
         points = grid.centres(cells)
-        left_out = self._looked_into + self._put_off
+        left_out = self._visited + self._deferred
         if len(cells) and left_out:
             gap = points[:, None, :] - np.array(left_out)[None, :, :]
-            keep = (np.hypot(gap[..., 0], gap[..., 1]) >= GIVEN_UP_RADIUS_M).all(axis=1)
+            keep = (np.hypot(gap[..., 0], gap[..., 1]) >= LEFT_OUT_RADIUS_M).all(axis=1)
             cells, points = cells[keep], points[keep]
         return Frontier(cells, points)
 
@@ -137,7 +137,7 @@ def as_set(cells: Cells) -> set[Cell]:
 
 
 def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Mask | None = None) -> float:
-    """How far (metres) the hull can go straight on by the grid, at most STRAIGHT_MAX_M.
+    """How far (metres) the footprint can go straight on by the grid, at most STRAIGHT_MAX_M.
 
     Unknown floor counts as open, `blocked` cells do not.
     """

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
-from onboard.planner.grid_map import FREE, GridMap
-from onboard.planner.setbacks import BLOCK_FOR_S, STAGNANT_S, Obstacles, Stillness, TriedWays
+from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S, STAGNANT_S, Obstacles, Stillness, TriedBranches
+from onboard.planner.grid.grid_map import FREE, GridMap
 
 GRID = GridMap(np.full((40, 40), FREE, np.uint8), 0.0, 0.0, 0.1)
 HERE = Pose2(1.0, 2.0, 0.5)
@@ -26,11 +26,11 @@ def test_an_obstacle_that_is_met_again_is_remembered_longer() -> None:
 
 def test_only_an_obstacle_that_is_new_may_hide_a_way() -> None:
     obstacles = Obstacles()
-    assert not obstacles.may_hide_a_way(0.0)
+    assert not obstacles.may_hide_a_path(0.0)
     obstacles.add(2.0, 2.0, 0.0)
-    assert obstacles.may_hide_a_way(BLOCK_FOR_S - 1.0)
+    assert obstacles.may_hide_a_path(BLOCK_FOR_S - 1.0)
     obstacles.add(2.0, 2.0, BLOCK_FOR_S + 1.0)
-    assert not obstacles.may_hide_a_way(BLOCK_FOR_S + 2.0)
+    assert not obstacles.may_hide_a_path(BLOCK_FOR_S + 2.0)
 
 
 @pytest.mark.parametrize(("end", "meets"), [((3.0, 2.0), True), ((3.0, 4.0), False), ((1.2, 2.0), False)])
@@ -48,7 +48,7 @@ def test_only_a_robot_that_is_under_way_stagnates_and_is_told_once(under_way: bo
 
 
 def test_a_short_leg_was_in_vain_and_a_long_one_was_not() -> None:
-    tried = TriedWays()
+    tried = TriedBranches()
     tried.add_leg(HERE, Pose2(3.0, 2.0, 0.5))
     assert not tried.leg_in_vain(HERE)
     tried.add_leg(HERE, Pose2(1.1, 2.0, 0.5))
@@ -57,7 +57,7 @@ def test_a_short_leg_was_in_vain_and_a_long_one_was_not() -> None:
 
 
 def test_a_side_that_was_turned_to_is_tried_and_no_leg_in_vain() -> None:
-    tried = TriedWays()
+    tried = TriedBranches()
     tried.add_side(HERE)
     assert tried.tried(Pose2(1.1, 2.0, 0.6))
     assert not tried.leg_in_vain(HERE)

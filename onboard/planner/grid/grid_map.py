@@ -1,4 +1,4 @@
-"""The occupancy grid as the Planner reads it: clearance from walls, where the hull can stand, and the frontier."""
+"""The occupancy grid as the Planner reads it: clearance from walls, where the footprint can stand, and the frontier."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UNKNOWN, FREE, WALL = 0, 1, 2
 CLEARANCE_MAX_CELLS = 16
 LINE_STEPS_MAX = 20_000  # over a kilometre; from one end of any floor to the other
 STAND_CLEARANCE_M = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
-OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not a way
+OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not an opening
 SLIVER_PASSES = 4  # closes holes of up to 0.7 m between rays
 FRONTIER_NEIGHBOURS_MIN = 4  # frontier cells within 0.2 m, itself included
 
@@ -56,7 +56,7 @@ class GridMap:
         return {(row + i, column + j) for i in span for j in span}
 
     def stands(self, x_m: float, y_m: float) -> bool:
-        """May the hull stand at that position?"""
+        """May the footprint stand at that position?"""
         cell = self.cell(x_m, y_m)
         return self.contains(cell) and bool(self.standable(cell))
 
@@ -93,7 +93,7 @@ class GridMap:
         return clearance
 
     def standable(self, index: Any = ...) -> Mask:
-        """Free cells on which the hull keeps its distance from every known wall; `index` as of `clearance_m`."""
+        """Free cells on which the footprint keeps its distance from every known wall; `index` as of `clearance_m`."""
         mask: Mask = (self.cells[index] == FREE) & (self.clearance_m(index) >= STAND_CLEARANCE_M)
         return mask
 

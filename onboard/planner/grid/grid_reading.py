@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from common.messages import GridUpdate
-from onboard.planner.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, UNKNOWN, GridMap, close_slivers
-from onboard.planner.work import Sliced, Work
+from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, UNKNOWN, GridMap, close_slivers
+from onboard.planner.grid.sliced_work import Sliced, Work
 
 MARGIN_CELLS = 4  # around what is known
 TILE_CELLS = 400  # along both axes

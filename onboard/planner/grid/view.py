@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from common.geometry import Points, Pose2
 from common.messages import Speed
-from onboard.planner.grid_map import GridMap
+from onboard.planner.grid.grid_map import GridMap
 
 FRONT_STOP_M = 0.5  # from the ring's centre: straight driving ends here
 

@@ -1,4 +1,4 @@
-"""Ways over the known floor: Dijkstra's shortest paths that like the middle of a hall, and string pulling."""
+"""Paths over the known floor: Dijkstra's shortest paths that like the middle of a hall, and string pulling."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import Pose2
-from onboard.planner.grid_map import CLEARANCE_MAX_CELLS, FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
-from onboard.planner.work import Work
+from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
+from onboard.planner.grid.sliced_work import Work
 
-COMFORT_M = 0.8  # nearer to a wall than this a way costs more
+COMFORT_M = 0.8  # nearer to a wall than this a path costs more
 COMFORT_WEIGHT = 3.0
 TIGHT_CLEARANCE_M = FOOTPRINT_RADIUS_M + 0.04
 TIGHT_PRICE = 12.0
@@ -28,15 +28,15 @@ CELL_US = 2
 TRY_US = 30  # of a straight leg
 
 _BEGINNING = 32_767  # no step, for the cell where a search begins
-_NO_WAY, _TIGHT = 0, CLEARANCE_MAX_CELLS**2 + 1  # kinds of cells; all others are squared distances to a wall
+_IMPASSABLE, _TIGHT = 0, CLEARANCE_MAX_CELLS**2 + 1  # kinds of cells; all others are squared distances to a wall
 
-Path = npt.NDArray[np.int64]  # (N, 2) neighbouring cells: row, column
+CellPath = npt.NDArray[np.int64]  # (N, 2) neighbouring cells: row, column
 
 
 @dataclass(frozen=True, slots=True)
 class Prices:
     """`kinds` (rows + 2, columns + 2) of cells, with a border that nobody enters, and by kind the price of a step of
-    one cell: its metres, dear where the hull hardly fits; 0 where it does not."""
+    one cell: its metres, dear where the footprint hardly fits; 0 where it does not."""
 
     kinds: npt.NDArray[np.int16]
     by_kind: list[float]
@@ -45,10 +45,10 @@ class Prices:
         return self.by_kind[int(self.kinds[cell[0] + 1, cell[1] + 1])]
 
 
-def cheapest_way(
+def cheapest_path(
     grid: GridMap, pose: Pose2, wanted: Collection[Cell], blocked: Mask
 ) -> Work[list[tuple[float, float]] | None]:
-    """Way points (map, metres) from a pose to the cheapest of the wanted cells; None where no way leads there."""
+    """Waypoints (map, metres) from a pose to the cheapest of the wanted cells; None where no path leads there."""
     start = grid.cell(pose.x_m, pose.y_m)
     if not grid.contains(start):
         return None
@@ -69,7 +69,7 @@ def cell_prices(grid: GridMap, start: Cell, blocked: Mask | None = None) -> Pric
     kinds = bordered[1:-1, 1:-1]
     np.multiply(grid.wall_distance2, grid.cells == FREE, out=kinds)
     if blocked is not None:
-        kinds[blocked] = _NO_WAY
+        kinds[blocked] = _IMPASSABLE
     r0, c0 = max(start[0] - START_RADIUS_CELLS, 0), max(start[1] - START_RADIUS_CELLS, 0)
     near = np.s_[r0 : max(start[0] + START_RADIUS_CELLS + 1, 0), c0 : max(start[1] + START_RADIUS_CELLS + 1, 0)]
     here = (grid.cells[near] == FREE) & (price[kinds[near]] == 0.0)
@@ -79,7 +79,7 @@ def cell_prices(grid: GridMap, start: Cell, blocked: Mask | None = None) -> Pric
     return Prices(bordered, by_kind)
 
 
-def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> Work[Path | None]:
+def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> Work[CellPath | None]:
     """From `start` to the cheapest of the wanted cells, or None where none can be reached (Dijkstra 1959).
 
     A diagonal step costs the square root of two times as much.
@@ -121,7 +121,7 @@ def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> Work
     return None
 
 
-def _traced(back: memoryview, cell: int, width: int) -> Path:
+def _traced(back: memoryview, cell: int, width: int) -> CellPath:
     """Cells from where the search began: `back` holds the step that led to each."""
     cells = array("q", [cell])
     while (step := back[cell]) != _BEGINNING:
@@ -131,10 +131,10 @@ def _traced(back: memoryview, cell: int, width: int) -> Path:
     return np.stack([rows, columns], axis=1) - 1
 
 
-def pull_string(grid: GridMap, path: Path, blocked: Mask | None = None) -> Work[list[tuple[float, float]]]:
-    """Way points (map, metres): as few straight legs as keep the clearance that the path itself keeps."""
+def pull_string(grid: GridMap, path: CellPath, blocked: Mask | None = None) -> Work[list[tuple[float, float]]]:
+    """Waypoints (map, metres): as few straight legs as keep the clearance that the path itself keeps."""
     clearance = grid.clearance_m((path[:, 0], path[:, 1]))
-    way = [_centre(grid, path, 0)]
+    waypoints = [_centre(grid, path, 0)]
     at = 0
     while at < len(path) - 1:
         reach = at + 1
@@ -144,16 +144,16 @@ def pull_string(grid: GridMap, path: Path, blocked: Mask | None = None) -> Work[
             wanted = min(float(clearance[at : end + 1].min()), 0.6) - 0.5 * grid.cell_m
             least_m = max(wanted, STAND_CLEARANCE_M - grid.cell_m)
             yield TRY_US
-            if not straight_is_clear(grid, way[-1], _centre(grid, path, end), least_m, blocked):
+            if not straight_is_clear(grid, waypoints[-1], _centre(grid, path, end), least_m, blocked):
                 break
             reach = end
             step += max(1, step // 3)
-        way.append(_centre(grid, path, reach))
+        waypoints.append(_centre(grid, path, reach))
         at = reach
-    return way
+    return waypoints
 
 
-def _centre(grid: GridMap, path: Path, i: int) -> tuple[float, float]:
+def _centre(grid: GridMap, path: CellPath, i: int) -> tuple[float, float]:
     row, column = path[i].tolist()
     return grid.centre((row, column))
 

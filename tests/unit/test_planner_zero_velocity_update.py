@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from onboard.planner.gyro_rest import REST_EVERY_S, REST_S, GyroRest
+from onboard.planner.driving.zero_velocity_update import REST_EVERY_S, REST_S, ZeroVelocityUpdate
 
 
-def rested(until_s: float) -> GyroRest:
-    rest = GyroRest()
+def rested(until_s: float) -> ZeroVelocityUpdate:
+    rest = ZeroVelocityUpdate()
     rest.due(until_s - REST_S - 0.1, standing=True)
     assert not rest.due(until_s, standing=True)
     return rest

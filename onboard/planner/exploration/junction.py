@@ -1,0 +1,55 @@
+"""The choice where a leg has ended: which branches show new floor, and which of them the right-hand rule takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from common.geometry import Pose2
+from onboard.planner.exploration.frontier_manager import FrontierManager
+from onboard.planner.exploration.frontiers import STRAIGHT_SIDE_M
+from onboard.planner.exploration.recovery_memory import TriedBranches
+from onboard.planner.exploration.right_hand_rule import Turn, decide
+from onboard.planner.grid.view import View
+
+SIDE_REACH_M = 1.2
+SIDE_WIDTH_M = 0.8
+
+
+class Junction:
+    """Called at every stop; remembers the branches that were tried."""
+
+    def __init__(self) -> None:
+        self._tried = TriedBranches()
+        self._choice_due = False  # a leg has ended, and no branch is chosen yet
+
+    def end_leg(self, start: Pose2, end: Pose2) -> None:
+        """A straight leg has led the robot here."""
+        self._tried.add_leg(start, end)
+        self._choice_due = True
+
+    def choose(self, view: View, frontiers: FrontierManager, headings_rad: Mapping[Turn, float]) -> Turn | None:
+        """P3.0: the right-most of the branches, given by their headings, that shows new floor; None where none does."""
+        open_turns = {
+            turn for turn, heading_rad in headings_rad.items() if self._shows_new(view, frontiers, turn, heading_rad)
+        }
+        # A branch that was chosen is driven before the next choice, or the robot would go round and round on the spot
+        forward = Turn.FORWARD in open_turns and not self._choice_due
+        self._choice_due = False
+        turn = Turn.FORWARD if forward else decide(open_turns)
+        if turn not in open_turns:
+            return None
+        if turn is not Turn.FORWARD:
+            self._tried.add_side(replace(view.pose, heading_rad=headings_rad[turn]))
+        return turn
+
+    def _shows_new(self, view: View, frontiers: FrontierManager, turn: Turn, heading_rad: float) -> bool:
+        """Would driving straight along this branch show new floor? To a side only what lies near the axis counts."""
+        branch = replace(view.pose, heading_rad=heading_rad)
+        if turn is Turn.FORWARD:
+            ruled_out = view.front_is_near or self._tried.leg_in_vain(view.pose)
+            width_m = STRAIGHT_SIDE_M
+        else:
+            ruled_out = frontiers.straight_reach_m(view, branch) < SIDE_REACH_M or self._tried.tried(branch)
+            width_m = SIDE_WIDTH_M
+        return not ruled_out and frontiers.something_ahead(view, branch, width_m)
