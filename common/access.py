@@ -1,9 +1,10 @@
-"""Who may publish, subscribe to and query what over a link that leaves a board, and how much, as rules for Zenoh. Pure.
+"""Who may publish, subscribe and query what over a link that leaves a board, and how much, as rules for Zenoh. Pure.
 
 A role is the common name of a certificate. Only the role of the command center publishes commands; the modules of the
-laptop publish their own topics; people's side subscribes to everything. An answer may be long, so only who must know
-what was published before may query it: a viewer receives what comes from then on. Zenoh judges the link, not the first
-sender: what a laptop's client publishes, the laptop publishes. On loopback the modules of one board trust each other.
+laptop publish their own topics; the people's side receives every topic. A reply may be long, so only a role that must
+know what was published before may query it: a viewer receives what comes from then on. Zenoh judges the link, not the
+first sender: what a client of the laptop publishes counts as the laptop's. On loopback the modules of one
+board trust each other.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from common.messages import LAPTOP_RECORDED, ROBOT_SENDERS, TOPICS, QosProfile, Topic
-from common.recording import MESSAGE_BYTES_MAX, QUESTION_BYTES_MAX
+from common.recording import MESSAGE_BYTES_MAX, QUERY_BYTES_MAX
 
 # Common name of a certificate -> the modules that speak with it
 ROLES: dict[str, tuple[str, ...]] = {
@@ -25,7 +26,7 @@ _ON_BOARD = ("robot", "pi")
 _COMMANDER = "command_center"
 _RECORDER = "recorder"
 
-# Of one topic over one link; many more than all who are behind it send when each of them has missed something
+# Of one topic over one link; many more than all modules behind it send when each of them has missed something
 QUERIES_HZ = 20.0
 
 # What goes towards subscribers, and what goes towards publishers
@@ -66,13 +67,13 @@ def published_keys(role: str) -> list[str]:
 
 
 def subscribed_keys(role: str) -> list[str]:
-    """Keys that a role may subscribe to, each by itself: people every topic, a board what its modules read."""
+    """Keys that a role may subscribe, each by itself: people every topic, a board what its modules read."""
     subscribed = [topic.key for topic in TOPICS if role not in _ON_BOARD or _reads(role, topic)]
     return subscribed + [alive_key("*")] if ROLES[role] else subscribed
 
 
 def queried_keys(role: str) -> list[str]:
-    """Keys whose past a role may query: states that its modules read, and what it records."""
+    """Keys that a role may query for what was published before: states that its modules read, and what it records."""
     records = LAPTOP_RECORDED if _RECORDER in ROLES[role] else ()
     return [
         topic.key for topic in TOPICS if topic in records or (topic.qos is QosProfile.STATE and _reads(role, topic))
@@ -96,7 +97,7 @@ def robot_rules(robot: str) -> Rules:
 
 
 def laptop_rules(robot: str) -> Rules:
-    """For the recorder's router: what is on the laptop speaks as the laptop, the robot as it likes."""
+    """For the recorder's router: what is on the laptop has the rights of the laptop, the robot has all."""
     rules = [_everything(robot), *_rules_of(robot, "laptop")]
     subjects = [{"id": "loopback", **_LOOPBACK}, _certified("robot")]
     policies = [_policy("everything", "robot"), {"rules": [rule["id"] for rule in rules[1:]], "subjects": ["loopback"]}]
@@ -108,16 +109,16 @@ def _everything(robot: str) -> Rules:
 
 
 def _rules_of(robot: str, role: str) -> list[Rules]:
-    """Inwards it publishes, subscribes and queries; outwards it is the other way round."""
+    """Inwards it publishes, subscribes and queries what its role may; outwards it is the other way round."""
     published, subscribed, queried = (
         [f"{robot}/{key}" for key in keys] for keys in (published_keys(role), subscribed_keys(role), queried_keys(role))
     )
     rules = [
         _rule(f"{role} publishes", ["ingress"], _PUBLISHING, published),
-        _rule(f"{role} is subscribed to", ["egress"], [*_SUBSCRIBING, *_QUERYING], published),
+        _rule(f"{role} is received", ["egress"], [*_SUBSCRIBING, *_QUERYING], published),
         _rule(f"{role} subscribes", ["ingress"], _SUBSCRIBING, subscribed),
         _rule(f"{role} queries", ["ingress"], _QUERYING, queried),
-        _rule(f"{role} is published to", ["egress"], _PUBLISHING, subscribed),
+        _rule(f"{role} receives", ["egress"], _PUBLISHING, subscribed),
     ]
     return [rule for rule in rules if rule["key_exprs"]]
 
@@ -143,10 +144,10 @@ def _limits(robot: str) -> Rules:
     """What of all that is allowed comes through from outside: a flood, or a giant, ends at the router."""
     inwards = {"flows": ["ingress"], "link_protocols": ["tls"]}
     queried = dict.fromkeys(key for role in ROLES for key in queried_keys(role))
-    rates = [{"key_expr": f"{robot}/{key}", "freq": QUERIES_HZ} for key in queried]
-    sizes = ((["query"], QUESTION_BYTES_MAX), (["put", "reply"], MESSAGE_BYTES_MAX))
+    queries = [{"key_expr": f"{robot}/{key}", "freq": QUERIES_HZ} for key in queried]
+    sizes = ((["query"], QUERY_BYTES_MAX), (["put", "reply"], MESSAGE_BYTES_MAX))
     return {
-        "downsampling": [{**inwards, "messages": _QUERYING, "rules": rates}],
+        "downsampling": [{**inwards, "messages": _QUERYING, "rules": queries}],
         "low_pass_filter": [
             {**inwards, "messages": messages, "key_exprs": [f"{robot}/**"], "size_limit": limit_bytes}
             for messages, limit_bytes in sizes

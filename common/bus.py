@@ -1,6 +1,6 @@
 """The bus a process sees: publish to a topic, look at the newest, take everything new, judge age and validity.
 
-`LocalBus` joins nodes inside one program (`simulate`, tests); `ZenohBus` joins processes. A node does not know which.
+`LocalBus` joins nodes inside one program (`simulate`, tests); `ZenohBus` joins processes. A node cannot tell which.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ UNFIT = "not published"
 
 
 class Bus(Protocol):
-    """What a node may ask of the mesh. Ages are judged by arrival, on the clock of the receiver."""
+    """What a node can do with the mesh. Ages are judged by arrival, on the clock of the receiver."""
 
     def publish(self, topic: Topic[P], payload: P) -> None:
-        """What its type forbids is not sent but counted, and told in the log of this process: `UNFIT`."""
+        """What its type forbids is not sent but counted, and reported in the log of this process: `UNFIT`."""
 
     def latest(self, topic: Topic[P]) -> P | None:
         """The newest message of a topic, or None when none came yet."""
@@ -41,7 +41,7 @@ class Bus(Protocol):
         """How long ago the newest message came; infinite when none did."""
 
     def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
-        """From now on `take_recorded` gives every message of these topics, except those received before by `known`."""
+        """From now on `take_recorded` gives every message of these topics, but what was received before by `known`."""
 
     def take_recorded(self) -> list[RecordedMessage]:
         """Every message of the recorded topics since the last call, in order and once per topic and boot id."""
@@ -87,18 +87,18 @@ class LocalMesh:
     def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage) -> None:
         for endpoint in self._endpoints:
             if topic.key in endpoint.recorded_keys:
-                endpoint.messages.append(message)
+                endpoint.recorded.append(message)
             endpoint._receive(topic, payload)
 
 
 class LocalBus:
-    """One node's end of a `LocalMesh`. Queues begin with the first `take` of a topic: nothing is kept for nobody."""
+    """One node's end of a `LocalMesh`. The queue of a topic begins with its first `take`."""
 
     def __init__(self, mesh: LocalMesh, name: str, boot_id: int) -> None:
         self._mesh = mesh
         self.name = name
         self.recorded_keys: set[str] = set()
-        self.messages: list[RecordedMessage] = []
+        self.recorded: list[RecordedMessage] = []
         self._boot_id = boot_id
         self._sequences: dict[str, int] = {}
         self._unfit = Undecodable(UNFIT)
@@ -138,8 +138,8 @@ class LocalBus:
         self.recorded_keys.update(topic.key for topic in topics)
 
     def take_recorded(self) -> list[RecordedMessage]:
-        messages, self.messages = self.messages, []
-        return messages
+        recorded, self.recorded = self.recorded, []
+        return recorded
 
     def take_lost(self) -> Losses:
         return {}

@@ -108,7 +108,8 @@ def _make_form(payload: type) -> _Form:
         name, field = declared.name, field_of(declared.name, hints[declared.name])
         words |= {f"default_{name}": declared.default, f"take_{name}": field.take, f"right_{name}": field.right}
         required = declared.default is dataclasses.MISSING
-        of_body.append(f"{name} = body['{name}']" if required else f"{name} = body.get('{name}', default_{name})")
+        absent = f"body['{field.former or name}']" if required else f"default_{name}"
+        of_body.append(f"{name} = body['{name}'] if '{name}' in body else {absent}")
         body_of.append(f"{name} = of.{name}")
         checks.append(_check_source(name, field))
         if field.like:

@@ -1,4 +1,4 @@
-"""What a process's bus does about commands where there are keys: signs those that it gives, judges those that it obeys.
+"""What a process's bus does about commands where there are keys: signs what it gives and verifies what it obeys.
 
 Without keys everything passes. What is refused is counted and logged, the same once a second.
 """
@@ -41,7 +41,7 @@ class CommandGate:
     def wants_challenges(self) -> bool:
         return self._signer is not None or self._verifier is not None
 
-    def receive_challenge(self, challenge: bytes) -> None:
+    def receive(self, challenge: bytes) -> None:
         """The newest permit's challenge; called by Zenoh's thread."""
         for side in (self._signer, self._verifier):
             if side is not None:

@@ -20,7 +20,7 @@ SPEED_ERROR_M_S = 0.01  # k_speed_error
 ANGLE_ERROR_RAD = radians(1.0)  # k_angle_error
 TURN_ON_SPOT_RAD = radians(15.0)  # larger changes of heading are made standing, and end with Completed
 
-# Distances, from the hull unless said otherwise
+# Distances, from the footprint unless said otherwise
 SAFE_DISTANCE_M = 0.05  # k_safe_distance: nearer than this the Carrier backs off
 PLANNER_CLEARANCE_M = 0.12  # what the Planner keeps
 MIN_DISTANCE_TO_WALL_M = 1.00  # k_min_dist_to_wall
@@ -34,7 +34,7 @@ WHEEL_TRACK_M = 0.30
 ENCODER_TICKS_PER_TURN = 1440
 TICK_M = 3.141592653589793 * WHEEL_DIAMETER_M / ENCODER_TICKS_PER_TURN
 
-# Sonars: ranges count from the centre of the ring, which is the centre of the hull
+# Sonars: ranges count from the centre of the ring, which is the centre of the footprint
 SONAR_COUNT = 5
 SONAR_NAMES = ("left", "front_left", "front", "front_right", "right")
 SONAR_BEARINGS_RAD = (radians(90.0), radians(45.0), 0.0, radians(-45.0), radians(-90.0))  # left positive

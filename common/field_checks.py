@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
 import numpy as np
 
-from common.fields import Shape, UpTo, Within
+from common.fields import Formerly, Shape, UpTo, Within
 from common.plain_text import plain
 
 Take = Callable[[Any], Any]  # a value -> the value to go on with; raises UnfitValue
@@ -37,6 +37,7 @@ class Field(NamedTuple):
     take: Take
     right: type | None = None
     within: Within | None = None
+    former: str = ""  # its name in older recordings
     like: str = ""  # the letter by which its length is that of other fields
 
 
@@ -49,9 +50,10 @@ def field_of(name: str, hint: Any) -> Field:
     kind = get_origin(hint) or hint
     make = _member if issubclass(kind, Enum) else _MAKERS[kind]
     try:
-        return make(name, hint, notes)
+        field = make(name, hint, notes)
     except KeyError as error:
         raise TypeError(f"field '{name}' has no bounds: {hint} needs {error}") from error
+    return field._replace(former=notes[Formerly].name) if Formerly in notes else field
 
 
 def unfit(name: str, value: Any) -> UnfitValue:

@@ -36,6 +36,13 @@ class UpTo:
 
 
 @dataclass(frozen=True, slots=True)
+class Formerly:
+    """The field's name in recordings of older programs."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Shape:
     """Of an array or a tuple; a letter, at first place, stands for one and the same length in all of a message."""
 

@@ -1,16 +1,17 @@
-"""The message table: one frozen dataclass per payload, one topic per variable, and who publishes what to whom.
+"""THE message table: one frozen dataclass per payload, one topic per variable, one place for who tells what to whom.
 
 Key on the bus: `<robot>/<module>/<variable>`. Every payload has `t_s`, when its content was measured on the sender's
 clock; every output has `valid`, false when an input it rests on was not alive and valid. Sequence number and boot id
 travel in the envelope (`codec.Envelope`), stamped by the bus. The codec holds every field to the bounds that its type
-says (`fields`). Add fields with a default, never reuse or rename one: old recordings must load.
+says (`fields`). Add fields with a default, never reuse one, and
+rename one only with its former name (`Formerly`): old recordings must load.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from typing import Generic, TypeVar
+from typing import Annotated, Generic, TypeVar
 
 from common.constants import MAP_RATE_MAX_HZ, PERMIT_RATE_HZ, POSE_RATE_HZ, SENSOR_RATE_HZ, STATUS_RATE_HZ
 from common.fields import (
@@ -23,6 +24,7 @@ from common.fields import (
     Count,
     Epoch,
     ErrorNumber,
+    Formerly,
     GridBytes,
     GridSide,
     Identity,
@@ -293,8 +295,8 @@ class PointOfInterest:
 
 @dataclass(frozen=True, slots=True)
 class Permit:
-    """May the robot move? Granted only while every on-robot module is alive, fresh and valid, its heartbeat advances,
-    and the newest latched stop was released and followed by a resume."""
+    """May the robot move? Granted only while every on-robot module is alive, fresh, valid and running, and the
+    newest latched stop was released and followed by a resume."""
 
     t_s: Seconds
     granted: bool
@@ -350,7 +352,7 @@ class Status:
     error_code: ErrorNumber
     memory_kb: Count
     ready: bool
-    heartbeat_count: Count  # passes of the module's own loop
+    heartbeat_count: Annotated[Count, Formerly("beats")]  # passes of the module's own loop
     detail: Text = ""
     valid: bool = True
 

@@ -219,7 +219,7 @@ def _follow(clock: FollowerClock, bus: ZenohBus, name: str) -> None:
     bus.announced = announced
     clock.send_ack = lambda t_s: bus.publish(CLOCK_ACK, ClockAck(t_s, name, *announced.take()))
     clock.await_messages = lambda stop: bus.await_messages(expected, stop)
-    bus.listen(CLOCK, receive)
+    bus.subscribe(CLOCK, receive)
 
 
 def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
@@ -230,7 +230,7 @@ def _lead(clock: LeaderClock, bus: ZenohBus) -> None:
         clock.ack(ack.module, ack.t_s)
 
     clock.send_tick = lambda t_s: bus.publish(CLOCK, ClockTick(t_s, clock.speed, *announced.take()))
-    bus.listen(CLOCK_ACK, receive)
+    bus.subscribe(CLOCK_ACK, receive)
 
 
 def _end_with(parent: int) -> None:

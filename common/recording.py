@@ -1,8 +1,8 @@
 """Messages as bytes, on their way into the run database: in order and once, with nothing missing that can be had.
 
-A producer keeps its newest messages (`RecentMessages`). Who records (`RecordingSubscriber`: comm on the robot,
-recorder on the laptop) knows by boot id and sequence number what it has not received, and requests that from the
-producer, also after its own restart.
+A producer keeps its newest messages (`RecentMessages`). A `RecordingSubscriber` (of comm on the robot, of
+the recorder on the laptop) knows by boot id and sequence number which messages it has not received and queries the
+producer for them, also after its own restart.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from common.undecodable import Undecodable
 RECENT_COUNT = 512
 RECENT_BYTES = 1_000_000  # of each topic: three maps of a kilometre's drive
 MESSAGE_BYTES_MAX = 16_000_000  # no message of ours is longer; a longer one is dropped unseen
-QUESTION_BYTES_MAX = 4096  # KNOWN_BOOTS of them need a sixth of it
-ANSWER_COUNT_MAX = 100_000  # messages in one answer: two a second for half a day
-RECORDING_LENGTH = 4096  # messages that may wait for the node's thread
+QUERY_BYTES_MAX = 4096  # KNOWN_BOOTS of them need a sixth of it
+REPLY_COUNT_MAX = 100_000  # messages in one reply: two a second for half a day
+RECORDING_QUEUE_LENGTH = 4096  # messages that may wait for the node's thread
 KNOWN_BOOTS = 32  # restarts per topic that are remembered
 HELD_MAX = 1024
-_REQUEST_PAUSE_S = 0.3
+_QUERY_PAUSE_S = 0.3
 _AUDIT_PERIOD_S = 5.0
-_GIVE_UP_S = 10.0  # wall time; a producer that has not answered until then is gone, and what it had with it
+_GIVE_UP_S = 10.0  # wall time; a producer that has not replied until then is gone, and what it had with it
 
 Known = dict[tuple[str, int], int]  # topic key and boot id -> newest sequence number
 Losses = dict[tuple[str, int], tuple[int, int]]  # topic key and boot id -> from which to which number some were lost
@@ -45,9 +45,10 @@ class RecordedMessage:
 
 
 def remember(known: Known, source: tuple[str, int], sequence: int) -> None:
-    """The newest number of a sender. Of each topic the KNOWN_BOOTS senders that spoke last are kept.
+    """The newest number of a sender. Of each topic the KNOWN_BOOTS senders that published last are kept.
 
-    One that is forgotten and speaks again is taken for a new one; what is stored of it already is known by its numbers.
+    One that is forgotten and publishes again counts as new; the database knows by their numbers which of its messages
+    it has.
     """
     is_new = known.pop(source, None) is None
     known[source] = sequence
@@ -87,7 +88,7 @@ class _Gap:
 
 
 class MessageOrder:
-    """Frames as they come -> each once and in order per topic and boot id. Pure; wall time is given."""
+    """Messages as they come -> each once and in order per topic and boot id. Pure; wall time is given."""
 
     def __init__(self, known: Mapping[tuple[str, int], int]) -> None:
         self.known: Known = dict(known)
@@ -110,7 +111,7 @@ class MessageOrder:
         return self._drain(source, gap, max(gap.held) if len(gap.held) > HELD_MAX else 0)
 
     def cannot_be_had(self, source: tuple[str, int], up_to: int) -> list[RecordedMessage]:
-        """The producer has told all it still had up to a sequence number: what is missing before it is lost."""
+        """The producer has sent all that it still had up to a sequence number: what is missing before it is lost."""
         gap = self._gaps.get(source)
         return self._drain(source, gap, up_to) if gap is not None else []
 
@@ -147,13 +148,13 @@ class MessageOrder:
         return messages
 
 
-Request = Callable[[str, bytes], None]
+Query = Callable[[str, bytes], None]
 
 
 class RecordingSubscriber:
-    """Every message of some topics. `store` and `answer` are called by the bus's threads, the rest by the node's.
+    """Every message of some topics. `store` and `add_reply` are called by the bus's threads, the rest by the node's.
 
-    `request(key, question)` sends the question, `RecentMessages` answer it; the answers come to `answer`.
+    `query(key, payload)` sends a query, `RecentMessages` reply to it; the replies come to `add_reply`.
     """
 
     def __init__(
@@ -161,19 +162,19 @@ class RecordingSubscriber:
         keys: Iterable[str],
         on_event: Iterable[str],
         known: Mapping[tuple[str, int], int],
-        request: Request,
+        query: Query,
         wall_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """`on_event`: the keys where no next message may come for long that would show a gap."""
         self._no_messages = Undecodable("no message")
         self.bad = self._no_messages.counts  # by topic key
         self._order = MessageOrder(known)
-        self._request = request
+        self._query = query
         self._wall_s = wall_s
         self._keys, self._on_event = tuple(keys), frozenset(on_event)
-        self._came: deque[tuple[str, bytes]] = deque(maxlen=RECORDING_LENGTH)
-        self._answers: deque[tuple[str, bytes]] = deque()
-        self._requested_s = dict.fromkeys(self._keys, float("-inf"))
+        self._came: deque[tuple[str, bytes]] = deque(maxlen=RECORDING_QUEUE_LENGTH)
+        self._replies: deque[tuple[str, bytes]] = deque()
+        self._queried_s = dict.fromkeys(self._keys, float("-inf"))
         self._audit_due_s = float("-inf")
         self._all_due = threading.Event()
         self._all_due.set()
@@ -181,25 +182,25 @@ class RecordingSubscriber:
     def store(self, key: str, data: bytes) -> None:
         self._came.append((key, data))
 
-    def answer(self, key: str, pack: bytes) -> None:
-        self._answers.append((key, pack))
+    def add_reply(self, key: str, pack: bytes) -> None:
+        self._replies.append((key, pack))
 
-    def request_all(self) -> None:
-        """A producer has come, or come back: it may have said something meanwhile."""
+    def query_all(self) -> None:
+        """A producer has come, or come back: it may have published something meanwhile."""
         self._all_due.set()
 
     def messages(self) -> list[RecordedMessage]:
-        """What came since the last call; asks for what is missing."""
+        """What came since the last call; queries what is missing."""
         now_s = self._wall_s()
         messages: list[RecordedMessage] = []
         while self._came:
             message = self._message(*self._came.popleft())
             if message is not None:
                 messages += self._order.add(message, now_s)
-        while self._answers:
-            messages += self._fill(*self._answers.popleft(), now_s)
+        while self._replies:
+            messages += self._fill(*self._replies.popleft(), now_s)
         messages += self._order.give_up(now_s)
-        self._request_missing(now_s)
+        self._query_missing(now_s)
         return messages
 
     def take_lost(self) -> Losses:
@@ -229,39 +230,39 @@ class RecordingSubscriber:
             messages += self._order.cannot_be_had((key, boot_id), sequence)
         return messages
 
-    def _request_missing(self, now_s: float) -> None:
+    def _query_missing(self, now_s: float) -> None:
         due = self._order.topics_with_gaps()
         if self._all_due.is_set():
             self._all_due.clear()
             due |= set(self._keys)
-            self._requested_s = dict.fromkeys(self._keys, float("-inf"))
+            self._queried_s = dict.fromkeys(self._keys, float("-inf"))
         if now_s >= self._audit_due_s:
             self._audit_due_s = now_s + _AUDIT_PERIOD_S
             due |= self._on_event
         for key in sorted(due):
-            if now_s - self._requested_s[key] >= _REQUEST_PAUSE_S:
-                self._requested_s[key] = now_s
-                self._request(key, request_for(self._order.boots(key)))
+            if now_s - self._queried_s[key] >= _QUERY_PAUSE_S:
+                self._queried_s[key] = now_s
+                self._query(key, gap_query(self._order.boots(key)))
 
 
-def request_for(boots: Mapping[int, int]) -> bytes:
-    """Asks a producer for everything after the newest sequence number known of its boot id."""
+def gap_query(boots: Mapping[int, int]) -> bytes:
+    """The query for everything after the newest sequence number known of its boot id."""
     packed: bytes = msgpack.packb(dict(boots))
     return packed
 
 
-def requested_after(request: bytes, boot_id: int) -> int:
-    """The sequence number after which the asker knows nothing of this boot; 0 for a question that makes no sense."""
+def queried_after(query: bytes, boot_id: int) -> int:
+    """The newest sequence number that the sender of a query has of this boot; 0 where it has none or makes no sense."""
     try:
-        boots = msgpack.unpackb(request, strict_map_key=False)
+        boots = msgpack.unpackb(query, strict_map_key=False)
     except (ValueError, msgpack.UnpackException):
         return 0
     sequence = boots.get(boot_id, 0) if isinstance(boots, dict) else 0
     return sequence if isinstance(sequence, int) else 0
 
 
-def unpack_messages(pack: bytes, count_max: int = ANSWER_COUNT_MAX) -> list[bytes]:
-    """The messages in an answer, or its first `count_max`; none when it makes no sense."""
+def unpack_messages(pack: bytes, count_max: int = REPLY_COUNT_MAX) -> list[bytes]:
+    """The messages in a reply, or its first `count_max`; none when it makes no sense."""
     # One after the other: a list of lists of the same length would fill the memory
     unpacker = msgpack.Unpacker(max_buffer_size=max(1, len(pack)), max_array_len=0, max_map_len=0, max_ext_len=0)
     unpacker.feed(pack)

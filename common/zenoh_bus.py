@@ -25,7 +25,7 @@ from common.config import Config
 from common.messages import PERMIT, QosProfile, Topic
 from common.recording import MESSAGE_BYTES_MAX, Losses, RecordedMessage, RecordingSubscriber
 from common.zenoh_inbox import QUERY_TIMEOUT_S, Inbox, Reader
-from common.zenoh_outbox import Answers, Outbox
+from common.zenoh_outbox import Outbox, Replies
 from common.zenoh_session import (
     Mode,
     close_sessions,
@@ -59,25 +59,23 @@ class ZenohBus:
         self._boot_id = secrets.randbits(48)
         self._inboxes: dict[str, Inbox[Any]] = {}
         self._outboxes: dict[str, Outbox[Any]] = {}
-        self._answers = Answers()
+        self._replies = Replies()
         self._tokens: set[str] = set()
         self._recording: RecordingSubscriber | None = None
-        self._listeners: list[Any] = []  # subscribers without an inbox
+        self._subscribers: list[Any] = []  # subscribers without an inbox
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
         self.gate = CommandGate(name, config)
-        own_channel, for_commands = main_channel(name, mode, config), command_channel(name, mode, config)
+        main, commands = main_channel(name, mode, config), command_channel(name, mode, config)
         lease = lease_s(name, clock.lease_s)
-        self._session = self._command_session = open_session(own_channel, lease)
+        self._session = self._command_session = open_session(main, lease)
         self._token: Any = None
         try:
-            if for_commands is not None:
-                self._command_session = open_session(for_commands, lease)
+            if commands is not None:
+                self._command_session = open_session(commands, lease)
             if self.gate.wants_challenges:
-                self._listen(
-                    self._command_session, PERMIT, lambda permit: self.gate.receive_challenge(permit.challenge)
-                )
-            self._link_watch = watch_links(self._session) if own_channel.rules is not None else None
+                self._subscribe(self._command_session, PERMIT, lambda permit: self.gate.receive(permit.challenge))
+            self._link_watch = watch_links(self._session) if main.rules is not None else None
             self._token_watch = self._session.liveliness().declare_subscriber(
                 f"{self._robot}/{alive_key('*')}", direct(self._on_token), history=True
             )
@@ -103,7 +101,7 @@ class ZenohBus:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:
             session = self._session_for(topic)
-            outbox = Outbox(session, self._key(topic), topic, self._boot_id, self._answers)
+            outbox = Outbox(session, self._key(topic), topic, self._boot_id, self._replies)
             self._outboxes[topic.key] = outbox
         if self.gate.holds_back(topic, payload):
             return
@@ -126,7 +124,7 @@ class ZenohBus:
         deadline_s = time.monotonic() + LOST_S
         while not stop.is_set():
             self._arrival.clear()
-            missing = [mark for mark in zip(*marks, strict=True) if self._on_its_way(*mark)]
+            missing = [mark for mark in zip(*marks, strict=True) if self._in_transit(*mark)]
             if not missing:
                 return
             if time.monotonic() > deadline_s:
@@ -134,25 +132,25 @@ class ZenohBus:
                 return
             self._arrival.wait(0.05)
 
-    def _on_its_way(self, key: str, boot_id: int, sequence: int) -> bool:
+    def _in_transit(self, key: str, boot_id: int, sequence: int) -> bool:
         inbox = self._inboxes.get(key)
         if inbox is None:
             return False
         inbox.look()
-        # The first message of a sender may be older than the subscription: nobody waits for that one
+        # The first message of a sender may be older than the subscription: that one is not waited for
         known = inbox.sequences.get(boot_id)
         return known is not None and known < sequence
 
-    def listen(self, topic: Topic[P], handler: Callable[[P], None]) -> None:
+    def subscribe(self, topic: Topic[P], handler: Callable[[P], None]) -> None:
         """Hands every message to `handler` on Zenoh's thread, for the shared clock: it must only store."""
-        self._listen(self._session_for(topic), topic, handler)
+        self._subscribe(self._session_for(topic), topic, handler)
 
     def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
         """From now on `take_recorded` gives every message of these topics; to be called once."""
         by_key = {topic.key: topic for topic in topics}
         on_event = [key for key, t in by_key.items() if t.qos is QosProfile.STATE or not t.rate_hz]
         recording = self._recording = RecordingSubscriber(
-            by_key, on_event, known, lambda key, request: self._request_from_producer(by_key[key], request)
+            by_key, on_event, known, lambda key, query: self._query_producer(by_key[key], query)
         )
 
         def store(key: str, sample: zenoh.Sample) -> None:
@@ -163,7 +161,7 @@ class ZenohBus:
 
         for key, topic in by_key.items():
             session = self._session_for(topic)
-            self._listeners.append(session.declare_subscriber(self._key(topic), direct(partial(store, key))))
+            self._subscribers.append(session.declare_subscriber(self._key(topic), direct(partial(store, key))))
 
     def take_recorded(self) -> list[RecordedMessage]:
         return self._recording.messages() if self._recording is not None else []
@@ -171,18 +169,18 @@ class ZenohBus:
     def take_lost(self) -> Losses:
         return self._recording.take_lost() if self._recording is not None else {}
 
-    def _request_from_producer(self, topic: Topic[Any], request: bytes) -> None:
+    def _query_producer(self, topic: Topic[Any], query: bytes) -> None:
         recording = self._recording
         assert recording is not None
 
         def store(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                recording.answer(topic.key, bytes(reply.ok.payload))
+                recording.add_reply(topic.key, bytes(reply.ok.payload))
 
         self._session.get(
             self._key(topic),
             zenoh.handlers.Callback(store, indirect=False),
-            payload=request,
+            payload=query,
             timeout=QUERY_TIMEOUT_S,
             consolidation=zenoh.ConsolidationMode.NONE,
             target=zenoh.QueryTarget.ALL,
@@ -195,7 +193,7 @@ class ZenohBus:
         return self._command_session if topic.is_command else self._session
 
     def _inbox(self, topic: Topic[P]) -> Inbox[P]:
-        """The topic's inbox; made when it is first request for."""
+        """The topic's inbox; made at its first use."""
         inbox: Inbox[P] | None = self._inboxes.get(topic.key)
         if inbox is None:
             session, refuses, arrived = self._session_for(topic), self.gate.refuses, self._arrival.set
@@ -208,13 +206,13 @@ class ZenohBus:
         inbox.look()
         return inbox
 
-    def _listen(self, session: zenoh.Session, topic: Topic[P], handler: Callable[[P], None]) -> None:
+    def _subscribe(self, session: zenoh.Session, topic: Topic[P], handler: Callable[[P], None]) -> None:
         def receive(sample: zenoh.Sample) -> None:
             envelope = self._reader.read(topic, bytes(sample.payload))
             if envelope is not None:
                 handler(envelope.payload)
 
-        self._listeners.append(session.declare_subscriber(self._key(topic), direct(receive)))
+        self._subscribers.append(session.declare_subscriber(self._key(topic), direct(receive)))
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         module = str(sample.key_expr).split("/")[1]
@@ -223,7 +221,7 @@ class ZenohBus:
             return
         self._tokens.add(module)
         if self._recording is not None:
-            self._recording.request_all()
+            self._recording.query_all()
         for key, inbox in self._inboxes.copy().items():
             if key.split("/")[0] == module:
                 inbox.publisher_appears()

@@ -1,7 +1,7 @@
-"""What a process hears of one topic: Zenoh's threads store raw bytes, which are decoded when the node looks.
+"""What a process receives of one topic: Zenoh's threads store raw bytes, which are decoded when the node looks.
 
-STATE topics: a subscriber asks for everything since the newest full snapshot when it joins, when the publisher appears,
-and when what an increment goes on from is missing, and keeps what comes live until the answer.
+STATE topics: a subscriber queries everything since the newest full snapshot when it joins, when the publisher appears,
+and when what an increment goes on from is missing, and keeps what comes live until the reply.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from common.zenoh_session import direct
 P = TypeVar("P")
 
 QUERY_TIMEOUT_S = 1.0
-_QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not request all the time
+_QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not queried all the time
 _KNOWN_BOOTS = 16
 
 Refuses = Callable[[Topic[Any], Envelope[Any], bytes, bytes], bool]
@@ -47,7 +47,7 @@ class Reader:
 
 
 class Inbox(Generic[P]):
-    """One subscriber. `refuses` judges commands with their signature; `arrived` is called when something came.
+    """One subscriber. `refuses` judges commands with their signatures; `arrived` is called when something came.
 
     `newest`, `arrived_s` and `sequences` (boot id -> newest number) are as of the last look.
     """
@@ -76,24 +76,24 @@ class Inbox(Generic[P]):
         self._replies: list[tuple[float, bytes]] = []
         self._lock = threading.Lock()
         self._query_due = self._is_state
-        self._query_running = self._query_refused = self._query_answered = False
-        self._requested_wall_s = float("-inf")
+        self._query_running = self._query_refused = self._query_replied = False
+        self._queried_wall_s = float("-inf")
         self._subscriber: Any = None
         self._subscribe()
 
     def look(self) -> None:
-        """Decodes all that came; while a query runs, what came live waits for its answer."""
-        # Asked again while nothing at all came: subscription and first message may have crossed on the way
+        """Decodes all that came; while a query runs, what came live waits for its reply."""
+        # Queried again while nothing at all came: subscription and first message may have crossed
         empty = self._is_state and self.newest is None
         if (self._query_due or empty) and not self._query_running:
-            self._request()
+            self._query()
         if self._query_running or not (self._pending or self._replies):
             return
         with self._lock:
             replies, self._replies = self._replies, []
             live = list(self._pending)
             self._pending.clear()
-        answered, self._query_answered = self._query_answered, False
+        replied, self._query_replied = self._query_replied, False
         for arrived_s, pack in replies:
             for data in unpack_messages(pack):
                 self._accept(arrived_s, self._reader.read(self._topic, data))
@@ -101,7 +101,7 @@ class Inbox(Generic[P]):
             envelope = self._reader.read(self._topic, data)
             if envelope is None or self._refuses(self._topic, envelope, data, signature):
                 continue
-            if not answered and self._misses_some(envelope):
+            if not replied and self._misses_some(envelope):
                 self._query_due = True
                 with self._lock:
                     self._pending = deque([*live[i:], *self._pending], maxlen=QUEUE_LENGTH)
@@ -111,7 +111,7 @@ class Inbox(Generic[P]):
     def take(self) -> list[P]:
         """Everything since the last call; at the first call the newest of what was looked at before."""
         if self._queue is None:
-            # Before the look: the answer to the very first question may be there within it
+            # Before the look: the reply to the very first query may be there within it
             self._queue = deque([] if self.newest is None else [self.newest], maxlen=QUEUE_LENGTH)
             with self._lock:
                 self._pending = deque(self._pending, maxlen=QUEUE_LENGTH)
@@ -121,7 +121,7 @@ class Inbox(Generic[P]):
         return messages
 
     def publisher_appears(self) -> None:
-        """Called by Zenoh's thread: somebody is there now who may be request."""
+        """Called by Zenoh's thread: there is somebody now who can reply."""
         if self._is_state:
             self._query_due = True
 
@@ -151,23 +151,23 @@ class Inbox(Generic[P]):
         if self._queue is not None:
             self._queue.append(envelope.payload)
 
-    def _request(self) -> None:
+    def _query(self) -> None:
         wall_s = time.monotonic()
-        if wall_s - self._requested_wall_s < _QUERY_PAUSE_S:
+        if wall_s - self._queried_wall_s < _QUERY_PAUSE_S:
             return
-        self._requested_wall_s, self._query_due, self._query_running = wall_s, False, True
+        self._queried_wall_s, self._query_due, self._query_running = wall_s, False, True
         self._query_refused = False
 
         def store(reply: zenoh.Reply) -> None:
             if reply.ok is None:
-                self._query_refused = True  # or it came too late: it is request again
+                self._query_refused = True  # or it came too late: it is queried again
             else:
                 arrival = (self._clock.now_s(), bytes(reply.ok.payload))
                 with self._lock:
                     self._replies.append(arrival)
 
         def finished() -> None:
-            self._query_answered = not self._query_refused
+            self._query_replied = not self._query_refused
             self._query_due |= self._query_refused
             self._query_running = False
 

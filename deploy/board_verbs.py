@@ -238,7 +238,7 @@ def calibrate_wheels(session: BoardSession, side_m: float, rounds: int, ask: Ask
     runs: list[tuple[list[tuple[int, int]], tuple[float, float]]] = []
     for turn_deg, count, name in ((0.0, 1, "a line"), (90.0, rounds, "a square, left"), (-90.0, rounds, "right")):
         for _ in range(count):
-            ask(f"Next {name}. Mark the floor under the hull's centre and its heading, then press Enter: ")
+            ask(f"Next {name}. Mark the floor under the robot's centre and its heading, then press Enter: ")
             counts = _drive_round(session, side_m, turn_deg)
             runs.append((counts, _place(ask)))
     return fit_wheels(runs)

@@ -68,7 +68,7 @@ class OurEnd:
         self._bus.publish(POSE, pose)
 
     def listen(self, handler: Callable[[float], None]) -> None:
-        self._bus.listen(POSE, lambda pose: handler(pose.t_s))
+        self._bus.subscribe(POSE, lambda pose: handler(pose.t_s))
 
     def take(self) -> int:
         return len(self._bus.take(POSE))

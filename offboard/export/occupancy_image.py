@@ -83,8 +83,8 @@ def occupancy_image(walls_m: Points, driven_m: Points, seen_m: Points) -> Occupa
     cells = np.full((size[1], size[0]), UNKNOWN, np.uint8)
     reach = np.arange(-FOOTPRINT_RADIUS_M, FOOTPRINT_RADIUS_M + 1e-9, CELL_M)
     disc = np.array([(x, y) for x in reach for y in reach if x * x + y * y <= FOOTPRINT_RADIUS_M**2])
-    hull_m = (driven_m[:, None, :] + disc[None, :, :]).reshape(-1, 2)
-    for points_m, value, needed in ((seen_m, FREE, PASSED_MIN), (hull_m, FREE, 1), (walls_m, OCCUPIED, 1)):
+    footprint_m = (driven_m[:, None, :] + disc[None, :, :]).reshape(-1, 2)
+    for points_m, value, needed in ((seen_m, FREE, PASSED_MIN), (footprint_m, FREE, 1), (walls_m, OCCUPIED, 1)):
         column, row = np.floor((points_m - low) / CELL_M).astype(np.int64).T
         inside = (column >= 0) & (row >= 0) & (column < size[0]) & (row < size[1])
         # Counted by the cells that are met, so that memory grows with the points and not with the map

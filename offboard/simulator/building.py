@@ -1,4 +1,4 @@
-"""Floor -> MuJoCo model: walls that stop the hull, the hull on two slides and a hinge, people to run into.
+"""Floor -> MuJoCo model: walls that stop the robot, the robot on two slides and a hinge, people to run into.
 
 What only the camera sees (doors, plates, posters) comes from `scenery.py` as ready-made elements.
 """
@@ -51,7 +51,7 @@ def build_model(
     """The MjModel of a floor, stepped `step_s` at a time.
 
     `segments` (N, 4) in metres, each with the free space on its left; `people` name and radius_m of whoever walks
-    about; `open_doors` are left out. The joints x, y, heading of the hull are its pose in the floor's frame.
+    about; `open_doors` are left out. The joints x, y, heading of the robot are its pose in the floor's frame.
     """
     walls = "".join(_wall_xml(segment) for segment in segments.tolist())
     persons = "".join(_person_xml(name, radius_m) for name, radius_m in people)
@@ -78,7 +78,7 @@ def build_model(
     {walls}
     {scenery.geoms_xml}
     {closed_doors}
-    <body name="hull">
+    <body name="robot">
       <joint name="x" type="slide" axis="1 0 0"/>
       <joint name="y" type="slide" axis="0 1 0"/>
       <joint name="heading" type="hinge" axis="0 0 1"/>

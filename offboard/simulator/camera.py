@@ -69,7 +69,7 @@ def open_gl_context(width_px: int, height_px: int) -> Any:
 
 
 class Camera:
-    """Draws what the camera on a world's hull sees. The world must have been built with a scenery."""
+    """Draws what the camera on a world's robot sees. The world must have been built with a scenery."""
 
     def __init__(self, world: World, mode: str) -> None:
         """`mode`: "clean", "realistic" or "hard". Raises CameraUnavailable."""

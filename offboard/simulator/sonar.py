@@ -226,7 +226,7 @@ class SonarBank:
         fired: Sequence[int],
         people: Sequence[Circle] = (),
     ) -> list[tuple[int, int]]:
-        """(sonar, pulse width in microseconds) of those fired together; `pose` is x_m, y_m, heading_rad of the hull."""
+        """(sonar, pulse width in microseconds) of those fired together; `pose`: x_m, y_m, heading_rad of the robot."""
         ranges_m = {}
         for sonar in fired:
             bearing_rad = pose[2] + SONAR_BEARINGS_RAD[sonar]

@@ -92,7 +92,7 @@ class World:
 
     @property
     def truth(self) -> Pose2:
-        """The true pose of the hull in the floor's frame."""
+        """The true pose of the robot in the floor's frame."""
         return Pose2(self._pose[0], self._pose[1], wrap_angle(self._pose[2]))
 
     @property
@@ -103,7 +103,7 @@ class World:
 
     @property
     def clearance_m(self) -> float:
-        """The smallest distance between hull and wall so far; below zero the hull was pressed into one."""
+        """The smallest distance between footprint and wall so far; below zero the footprint was pressed into one."""
         return self._clearance_m
 
     @property
@@ -199,7 +199,7 @@ class World:
             self._touch()
 
     def _touch(self) -> None:
-        """The bumper is a bow over the front of the hull."""
+        """The bumper is a bow over the front of the robot."""
         x_m, y_m, heading_rad = self._pose
         pressed = False
         for contact in self.data.contact[: self.data.ncon]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from common.recording import RecordedMessage
 
-KEPT = 64  # per topic; more than a recorder says between two transactions
+KEPT = 64  # per topic; more than a recorder publishes between two transactions
 
 
 class CrashBuffer:
@@ -15,7 +15,7 @@ class CrashBuffer:
         self._kept: dict[str, deque[RecordedMessage]] = {key: deque(maxlen=KEPT) for key in keys}
 
     def add(self, message: RecordedMessage) -> list[RecordedMessage]:
-        """Keeps a message; when its sender has been started anew, what it had said before its end."""
+        """Keeps a message; when its sender has been started anew, what it had published before its end."""
         kept = self._kept[message.key]
         orphans: list[RecordedMessage] = []
         if kept and kept[-1].boot_id != message.boot_id:

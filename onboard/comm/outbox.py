@@ -46,9 +46,9 @@ class Outbox:
         self._store: OutboxStore = open_store(file, new_id)
         self._limit_bytes = min(limit_bytes, RAM_BYTES // 2) if self._store.in_memory else limit_bytes
         self._disk: DiskWorker[Turn] = DiskWorker("outbox", at_once=new_id is not None)
-        self._records = False
+        self._recording = False
         self._crash_buffer = CrashBuffer(_RECORDER_KEYS)
-        self._heard: Known = dict(self._store.heard)
+        self._received: Known = dict(self._store.received)
         self._waiting: list[RecordedMessage] = []  # not known to be on the disk
         self._waiting_bytes = 0
         self._dropped: Losses = {}
@@ -73,12 +73,12 @@ class Outbox:
         return self._stored_bytes > self._limit_bytes or not self._disk_works
 
     def step(self, bus: Bus, now_s: float) -> None:
-        if not self._records:
-            bus.record((*ROBOT_RECORDED, *_OF_RECORDER), self._heard)
-            self._records = True
+        if not self._recording:
+            bus.record((*ROBOT_RECORDED, *_OF_RECORDER), self._received)
+            self._recording = True
         self._collect(bus)
         self._look_at_disk(now_s)
-        self._hear_receipts(bus, now_s)
+        self._take_receipts(bus, now_s)
         self._save(now_s)
         piece = self._sender.piece(now_s)  # at most one per step
         if piece is not None:
@@ -104,7 +104,7 @@ class Outbox:
             if message.key in _RECORDER_KEYS:
                 self._wait(self._crash_buffer.add(message))
                 continue
-            remember(self._heard, source, message.sequence)
+            remember(self._received, source, message.sequence)
             if thinning and message.key in _THINNED and message.sequence % THINNED_TO:
                 add_loss(self._dropped, source, message.sequence, message.sequence)
                 continue
@@ -129,7 +129,7 @@ class Outbox:
             self._forget_saved()
         else:
             self._save_due_s, self._removed = now_s + RETRY_S, 0
-        self._tell_disk(refused)
+        self._log_disk(refused)
         if turn is None:
             return
         self._stored_bytes = turn.stored_bytes
@@ -142,7 +142,7 @@ class Outbox:
             # Rows that were appended meanwhile wait until those on their way are acknowledged
             self._sender.begin(turn.first, now_s)
 
-    def _tell_disk(self, refused: DiskError | None) -> None:
+    def _log_disk(self, refused: DiskError | None) -> None:
         if refused is not None and self._disk_works:
             _log.error("outbox cannot be written, messages wait in memory error=%s", refused)
         elif refused is None and not self._disk_works:
@@ -156,10 +156,10 @@ class Outbox:
         del self._waiting[:count]
         self._dropped = {source: span for source, span in self._dropped.items() if dropped.get(source) != span}
 
-    def _hear_receipts(self, bus: Bus, now_s: float) -> None:
+    def _take_receipts(self, bus: Bus, now_s: float) -> None:
         rows = self._sender.rows
         for receipt in bus.take(RECEIPT):
-            self._sender.hear(receipt, now_s)
+            self._sender.receive(receipt, now_s)
         if rows is not None and self._sender.rows is None:
             self._next_rows_due = self._stored_bytes > len(rows.data)
 
@@ -181,6 +181,6 @@ class Outbox:
 
     def _work(self, count: int) -> Callable[[], Turn]:
         """What there is to do for the disk, as of now, with so many of the messages that wait."""
-        messages, dropped, heard = self._waiting[:count], dict(self._dropped), dict(self._heard)
+        messages, dropped, received = self._waiting[:count], dict(self._dropped), dict(self._received)
         life, acknowledged, load = self._sender.outbox_id, self._sender.acknowledged, self._sender.rows is None
-        return lambda: self._store.turn(messages, dropped, heard, life, acknowledged, load)
+        return lambda: self._store.turn(messages, dropped, received, life, acknowledged, load)

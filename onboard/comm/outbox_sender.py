@@ -56,7 +56,7 @@ class OutboxSender:
         self._reached = _Reached()
         self._resend_due_s, self._resend_pause_s = now_s + RESEND_S, RESEND_S
 
-    def hear(self, receipt: OutboxReceipt, now_s: float) -> None:
+    def receive(self, receipt: OutboxReceipt, now_s: float) -> None:
         if receipt.outbox_id != self.outbox_id or not self._is_from_owner(receipt, now_s):
             return
         if now_s - self._owner_heard_s > RECEIPT_SILENCE_S:

@@ -1,6 +1,6 @@
-"""The outbox on the disk (SQLite): rows of messages from when they were heard until the recorder has them.
+"""The outbox on the disk (SQLite): rows of messages from when they were received until the recorder has them.
 
-A row is one MessagePack of some messages and of what was dropped before them. What was heard of every sender is
+A row is one MessagePack of some messages and of what was dropped before them. What was received of every sender is
 written with the rows, in one transaction: a comm that is killed knows afterwards what it must still ask for.
 
 After a power cut the file may be as it was a while before, and give the same row numbers to other messages. So numbers
@@ -30,7 +30,7 @@ _OPEN = 1  # as the file's user version, while a life lasts
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS rows (number INTEGER PRIMARY KEY AUTOINCREMENT, data BLOB NOT NULL);
-CREATE TABLE IF NOT EXISTS heard (topic TEXT, boot_id INTEGER, sequence INTEGER, PRIMARY KEY (topic, boot_id));
+CREATE TABLE IF NOT EXISTS received (topic TEXT, boot_id INTEGER, sequence INTEGER, PRIMARY KEY (topic, boot_id));
 """
 
 _log = logging.getLogger("comm")
@@ -57,8 +57,8 @@ class Turn:
 
 def pack_row(messages: Sequence[RecordedMessage], dropped: Losses) -> bytes:
     """One row: messages as [topic, boot id, sequence, bytes], losses as [topic, boot id, first, last]."""
-    fields = [[m.key, m.boot_id, m.sequence, m.data] for m in messages]
-    packed: bytes = msgpack.packb([fields, [[*source, *span] for source, span in dropped.items()]])
+    listed = [[m.key, m.boot_id, m.sequence, m.data] for m in messages]
+    packed: bytes = msgpack.packb([listed, [[*source, *span] for source, span in dropped.items()]])
     return packed
 
 
@@ -95,7 +95,7 @@ class OutboxStore:
         self,
         messages: Sequence[RecordedMessage],
         dropped: Losses,
-        heard: Known,
+        received: Known,
         outbox_id: int,
         acknowledged: int,
         load: bool,
@@ -106,14 +106,14 @@ class OutboxStore:
         life begins with what came.
         """
         try:
-            return self._turn(messages, dropped, heard, outbox_id, acknowledged, load)
+            return self._turn(messages, dropped, received, outbox_id, acknowledged, load)
         except sqlite3.DatabaseError as error:
             if self._file is None or not damaged(error):
                 raise
             _log.error("outbox is damaged, another begins error=%s", error)
             self.close()
             _put_aside(self._file)
-        return self._turn(messages, dropped, heard, outbox_id, acknowledged, load)
+        return self._turn(messages, dropped, received, outbox_id, acknowledged, load)
 
     def close(self) -> None:
         database, self._database = self._database, None
@@ -141,8 +141,8 @@ class OutboxStore:
                 _log.warning("outbox was not closed: after a power cut, what the disk had not taken is missing")
             with suppress(sqlite3.OperationalError):  # a full disk can still be read
                 database.execute(f"PRAGMA user_version = {_OPEN}")
-            known = database.execute("SELECT topic, boot_id, sequence FROM heard ORDER BY rowid")
-            self.heard: Known = {(key, boot_id): sequence for key, boot_id, sequence in known}
+            known = database.execute("SELECT topic, boot_id, sequence FROM received ORDER BY rowid")
+            self.received: Known = {(key, boot_id): sequence for key, boot_id, sequence in known}
             (stored_bytes,) = database.execute("SELECT total(length(data)) FROM rows").fetchone()
         except sqlite3.Error:
             database.close()
@@ -156,7 +156,7 @@ class OutboxStore:
         self,
         messages: Sequence[RecordedMessage],
         dropped: Losses,
-        heard: Known,
+        received: Known,
         outbox_id: int,
         acknowledged: int,
         load: bool,
@@ -169,9 +169,9 @@ class OutboxStore:
             with transaction(database):
                 removed_bytes = self._remove(database, acknowledged)
                 added_bytes = self._store(database, messages, dropped)
-                self._write_heard(database, heard)
+                self._write_received(database, received)
             self._stored_bytes += added_bytes - removed_bytes
-            self.heard = heard
+            self.received = received
         except sqlite3.Error as error:
             if damaged(error):
                 raise
@@ -196,11 +196,13 @@ class OutboxStore:
         database.executemany("INSERT INTO rows (data) VALUES (?)", [(row,) for row in packed])
         return sum(map(len, packed))
 
-    def _write_heard(self, database: sqlite3.Connection, heard: Known) -> None:
-        changed = [(*source, sequence) for source, sequence in heard.items() if self.heard.get(source) != sequence]
-        database.executemany("INSERT OR REPLACE INTO heard VALUES (?, ?, ?)", changed)
-        forgotten = self.heard.keys() - heard.keys()
-        database.executemany("DELETE FROM heard WHERE topic = ? AND boot_id = ?", list(forgotten))
+    def _write_received(self, database: sqlite3.Connection, received: Known) -> None:
+        changed = [
+            (*source, sequence) for source, sequence in received.items() if self.received.get(source) != sequence
+        ]
+        database.executemany("INSERT OR REPLACE INTO received VALUES (?, ?, ?)", changed)
+        forgotten = self.received.keys() - received.keys()
+        database.executemany("DELETE FROM received WHERE topic = ? AND boot_id = ?", list(forgotten))
 
     def _first(self, database: sqlite3.Connection, start: int = 0) -> Rows | None:
         """The first rows from a number on."""

@@ -197,7 +197,7 @@ class Slam:
         if len(rays):
             starts, directions = in_map(rays, self._poses.array)
             self.grid.add_rays(starts, directions, rays[:, 5])
-            self.grid.add_hull(starts)
+            self.grid.add_footprint(starts)
         self._drawn = self._drawn[0] + len(echoes), self._drawn[1] + len(rays)
 
     def _new_key_frame_due(self, pose: Pose2) -> bool:

@@ -62,7 +62,7 @@ class WireBus(LocalBus):
         self._recording: RecordingSubscriber | None = None
         self._newest: dict[str, bytes] = {}
 
-    def hear(self, topic: Topic[Any], data: bytes) -> None:
+    def receive(self, topic: Topic[Any], data: bytes) -> None:
         if self._recording is not None and topic.key in self.recorded_keys:
             self._recording.store(topic.key, data)
             self._newest[topic.key] = data
@@ -74,12 +74,12 @@ class WireBus(LocalBus):
 
     def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
         self.recorded_keys = {topic.key for topic in topics}
-        self._recording = RecordingSubscriber(self.recorded_keys, (), known, self._answer, lambda: self.mesh.now_s)
+        self._recording = RecordingSubscriber(self.recorded_keys, (), known, self._reply, lambda: self.mesh.now_s)
 
-    def _answer(self, key: str, asked: bytes) -> None:
+    def _reply(self, key: str, query: bytes) -> None:
         """Its producer has the newest message only."""
         if self._recording is not None and key in self._newest:
-            self._recording.answer(key, msgpack.packb([self._newest[key]]))
+            self._recording.add_reply(key, msgpack.packb([self._newest[key]]))
 
     def take_recorded(self) -> list[RecordedMessage]:
         return self._recording.messages() if self._recording is not None else []
@@ -199,7 +199,7 @@ def comm(bus: WireBus) -> Stage:
             if rows is not None and offset == piece.total_bytes:
                 number, offset = rows.end, 0
             receipt = m.OutboxReceipt(now_s, piece.outbox_id, number, offset, piece.total_bytes, recorder_id=1)
-            bus.hear(m.RECEIPT, encode(receipt, 1, BOOT_ID))
+            bus.receive(m.RECEIPT, encode(receipt, 1, BOOT_ID))
 
     return Stage(node, bus, _all_heard_by_comm(), beside, folder=folder, longest=STORED_LONGEST)
 
@@ -237,8 +237,8 @@ def recorder(bus: WireBus) -> Stage:
 def through_outbox(heard: list[tuple[str, bytes]], row: int) -> list[tuple[str, bytes]]:
     """What the robot says, as row number `row` of an outbox; the rest as it is."""
     said = [(key, data) for key, data in heard if key in _BY_OUTBOX]
-    frames = [RecordedMessage(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(said)]
-    rows = msgpack.packb([[row, pack_row(frames, {})]])
+    messages = [RecordedMessage(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(said)]
+    rows = msgpack.packb([[row, pack_row(messages, {})]])
     pieces = [
         m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
         for at in range(0, len(rows), PIECE_BYTES)

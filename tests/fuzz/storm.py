@@ -150,7 +150,7 @@ class _Run:
             self._calm_mb = self._calm_mb or _peak_mb()
         self._thrown += len(heard)
         for key, data in heard:
-            stage.bus.hear(TOPIC_OF_KEY[key], data)
+            stage.bus.receive(TOPIC_OF_KEY[key], data)
         began_s = time.thread_time()
         stage.node.step(stage.bus, now_s)
         self._longest_s = max(self._longest_s, time.thread_time() - began_s)

@@ -69,7 +69,7 @@ class Mesh:
     def bus(self) -> ZenohBus:
         if self._bus is None:
             self._bus = ZenohBus("watcher", self.config, FreeClock())
-            self._bus.listen(PERMIT, lambda permit: self.permits.append((time.monotonic(), permit)))
+            self._bus.subscribe(PERMIT, lambda permit: self.permits.append((time.monotonic(), permit)))
             self._bus.latest(ODOMETRY)
         return self._bus
 

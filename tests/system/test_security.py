@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 import zenoh
 
-from common.answer_budget import BURST_BYTES, RATE_BYTES_S
 from common.codec import encode
 from common.config import config_text
 from common.constants import PERMIT_RATE_HZ
@@ -37,6 +36,7 @@ from common.messages import (
     StopRequest,
     Topic,
 )
+from common.reply_budget import BURST_BYTES, RATE_BYTES_S
 from common.zenoh_session import Channel, direct, session_config
 from offboard.command_center.log_book import LogEntry
 from offboard.command_center.operations import Answer

@@ -24,12 +24,12 @@ def ticks(mesh: Mesh) -> list[tuple[float, ClockTick]]:
     for name in ("comm", "simulator", "bridge", "mmu", "planner"):
         mesh.start(name, extra=SHARED)
 
-    def hear(tick: ClockTick) -> None:
+    def receive(tick: ClockTick) -> None:
         # One that holds the clock may have missed the last tick: it is said again
         if not heard or tick.t_s > heard[-1][1].t_s:
             heard.append((time.monotonic(), tick))
 
-    mesh.bus.listen(CLOCK, hear)
+    mesh.bus.subscribe(CLOCK, receive)
     until(lambda: mesh.granted, 20.0, "a permit")
     return heard
 

@@ -154,7 +154,7 @@ def test_a_bridge_that_was_frozen_during_release_and_resume_drives_again_and_is_
     robot: Robot,
 ) -> None:
     heard: list[tuple[float, Status]] = []
-    robot.bus.listen(STATUS["bridge"], lambda status: heard.append((time.monotonic(), status)))
+    robot.bus.subscribe(STATUS["bridge"], lambda status: heard.append((time.monotonic(), status)))
     robot.drive()
     robot.press()
     frozen_s = robot.signal("bridge", signal.SIGSTOP)

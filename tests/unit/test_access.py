@@ -24,17 +24,17 @@ def test_every_topic_that_crosses_a_link_is_said_by_one_role_and_heard_by_its_co
     for topic in TOPICS:
         if topic.producer == "clock":
             continue
-        sayers = [role for role in ROLES if topic.key in published_keys(role)]
-        assert len(sayers) == 1, topic.key
+        publishers = [role for role in ROLES if topic.key in published_keys(role)]
+        assert len(publishers) == 1, topic.key
         for consumer in topic.consumers:
             role = role_of(consumer)
-            assert role in sayers or any(fnmatch(topic.key, key) for key in subscribed_keys(role)), (
+            assert role in publishers or any(fnmatch(topic.key, key) for key in subscribed_keys(role)), (
                 topic.key,
                 consumer,
             )
 
 
-def test_a_viewer_says_nothing_and_a_board_hears_only_what_it_reads() -> None:
+def test_a_viewer_publishes_nothing_and_a_board_receives_only_what_it_reads() -> None:
     assert published_keys("viewer") == []
     assert "command_center/operation" not in subscribed_keys("pi")
     assert "mmu/pose" in subscribed_keys("pi")

@@ -246,6 +246,11 @@ def test_missing_field_takes_its_default() -> None:
     assert decode(message(body), Status).payload == Status(1.0, "idle", 0, 1, True, 2, detail="", valid=True)
 
 
+def test_field_that_was_renamed_is_read_from_an_older_recording() -> None:
+    body = {"t_s": 1.0, "state": "idle", "error_code": 0, "memory_kb": 1, "ready": True, "beats": 2}
+    assert decode(message(body), Status).payload.heartbeat_count == 2
+
+
 def test_missing_field_without_a_default_is_an_error() -> None:
     with pytest.raises(DecodeError, match="t_s"):
         decode(message({"command_id": 1, "speed": 1, "yaw_rad": 0.0}), DriveCommand)

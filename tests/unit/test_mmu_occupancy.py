@@ -62,7 +62,7 @@ def test_what_lies_far_off_takes_no_memory() -> None:
     tracemalloc.start()
     grid.add_walls(np.concatenate([far, [[2.05, 0.05]]]), np.zeros(3))
     grid.add_rays(np.concatenate([START, far]), [pi / 2, 0.0, 0.0], [1.0, 2.0, 2.0])
-    grid.add_hull(far)
+    grid.add_footprint(far)
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert grid.shape == shape
@@ -88,7 +88,7 @@ def test_a_range_at_the_minimum_frees_nothing_far(free_m: float) -> None:
 def test_where_the_robot_stood_is_no_wall() -> None:
     grid = OccupancyGrid()
     grid.add_walls(np.repeat(START, 5, axis=0), np.zeros(5))
-    grid.add_hull(START)
+    grid.add_footprint(START)
     for angle in np.arange(0.0, 2 * pi, pi / 4):
         reach_m = FOOTPRINT_RADIUS_M - CELL_M / 2
         assert at(grid, 0.05 + reach_m * float(np.cos(angle)), 0.05 + reach_m * float(np.sin(angle))) == FREE
@@ -107,7 +107,7 @@ def test_nothing_to_add_changes_nothing() -> None:
     grid = OccupancyGrid()
     none = np.zeros((0, 2))
     grid.add_walls(none, np.zeros(0))
-    grid.add_hull(none)
+    grid.add_footprint(none)
     grid.add_rays(none, [], [])
     assert (grid.cells() == UNKNOWN).all()
 

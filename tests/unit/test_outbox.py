@@ -62,7 +62,7 @@ def test_an_outbox_that_was_killed_goes_on_where_its_disk_says(link: Link) -> No
     # Not closed: what was not yet on the disk is gone with it
     link.outbox._store.close()
     store = OutboxStore(link.folder / "outbox.sqlite")
-    heard = store.heard
+    heard = store.received
     store.close()
     newest = next(sequence for (key, _), sequence in heard.items() if key == POSE.key)
     link.start_outbox()
@@ -135,13 +135,13 @@ def test_an_outbox_that_goes_to_a_new_recorder_begins_with_what_nobody_has(link:
 
 def test_above_its_limit_only_status_and_log_thin_out_and_the_database_says_how_many(tmp_path: Path) -> None:
     link = Link(tmp_path, limit_bytes=20_000)
-    beats = 0
+    heartbeat_count = 0
 
     def talk() -> None:
-        nonlocal beats
-        beats += 1
+        nonlocal heartbeat_count
+        heartbeat_count += 1
         link.say()
-        link.module.publish(STATUS["mmu"], Status(0.0, "RUN", 0, 0, True, beats))
+        link.module.publish(STATUS["mmu"], Status(0.0, "RUN", 0, 0, True, heartbeat_count))
         link.module.publish(LOG["mmu"], LogLine(0.0, "INFO", "text"))
 
     link.connected = False
@@ -155,9 +155,9 @@ def test_above_its_limit_only_status_and_log_thin_out_and_the_database_says_how_
         counts, dropped = run.counts(), {topic: count for (topic, _), count in run.dropped().items()}
     assert set(dropped) == {STATUS["mmu"].key, LOG["mmu"].key}
     for topic in dropped:
-        assert counts[topic] + dropped[topic] == beats
-        assert dropped[topic] > beats / 2
-        assert counts[topic] >= beats / THINNED_TO
+        assert counts[topic] + dropped[topic] == heartbeat_count
+        assert dropped[topic] > heartbeat_count / 2
+        assert counts[topic] >= heartbeat_count / THINNED_TO
 
 
 def test_a_full_disk_of_the_laptop_keeps_everything_on_the_robot_until_there_is_space(link: Link) -> None:
@@ -293,7 +293,7 @@ def test_known_senders_are_bounded_and_written_only_when_they_have_spoken(link: 
         link.run(0.3)
     link.outbox.close()
     link.start_outbox()
-    assert len(link.outbox._heard) == KNOWN_BOOTS
+    assert len(link.outbox._received) == KNOWN_BOOTS
     database = link.outbox._store._database
     assert database is not None
     link.run(1.0)
@@ -360,7 +360,7 @@ def test_an_outbox_file_that_is_none_is_put_aside(tmp_path: Path) -> None:
     file = tmp_path / "outbox.sqlite"
     file.write_bytes(b"no database at all" * 100)
     store = open_store(file)
-    assert store.heard == {}
+    assert store.received == {}
     assert (tmp_path / "outbox.aside-1.sqlite").exists()
     store.close()
     with sqlite3.connect(file) as database:

@@ -16,7 +16,7 @@ import pytest
 from common import recording
 from common.bus import LocalBus, LocalMesh
 from common.messages import OUTBOX, POI, POSE, RECEIPT, STATUS, PointOfInterest, PoseEstimate, Status, Topic
-from common.recording import Losses, RecentMessages, RecordedMessage, RecordingSubscriber, requested_after
+from common.recording import Losses, RecentMessages, RecordedMessage, RecordingSubscriber, queried_after
 from offboard.recorder.recorder import Recorder
 from offboard.runs.run_database import RunReader
 from onboard.comm.outbox import Outbox
@@ -45,9 +45,9 @@ class Senders:
     def die(self, keys: Iterable[str]) -> None:
         self._recent = {source: recent for source, recent in self._recent.items() if source[0] not in keys}
 
-    def answers(self, key: str, asked: bytes) -> list[bytes]:
+    def answers(self, key: str, query: bytes) -> list[bytes]:
         asked_for = [(boot_id, recent) for (topic, boot_id), recent in self._recent.items() if topic == key]
-        return [msgpack.packb(recent.after(requested_after(asked, boot_id))) for boot_id, recent in asked_for]
+        return [msgpack.packb(recent.after(queried_after(query, boot_id))) for boot_id, recent in asked_for]
 
     def kept(self) -> set[Message]:
         """All but the oldest, which makes way for the next message before anybody can ask."""
@@ -55,7 +55,7 @@ class Senders:
         return {(*source, number) for source, kept in numbers.items() for number in kept[-RECENT_COUNT + 1 :]}
 
 
-class RecordingBus(LocalBus):
+class TappedBus(LocalBus):
     """comm's end, where what is missing is asked for as between processes."""
 
     def __init__(self, mesh: LocalMesh, senders: Senders) -> None:
@@ -67,7 +67,7 @@ class RecordingBus(LocalBus):
     def record(self, topics: Iterable[Topic[object]], known: Mapping[tuple[str, int], int]) -> None:
         super().record(topics, known)
         self._order = RecordingSubscriber(
-            sorted(self.recorded_keys), self.recorded_keys, known, self._ask, lambda: self._clock.now_s
+            sorted(self.recorded_keys), self.recorded_keys, known, self._query, lambda: self._clock.now_s
         )
 
     def take_recorded(self) -> list[RecordedMessage]:
@@ -80,10 +80,10 @@ class RecordingBus(LocalBus):
     def take_lost(self) -> Losses:
         return self._order.take_lost() if self._order is not None else {}
 
-    def _ask(self, key: str, asked: bytes) -> None:
+    def _query(self, key: str, query: bytes) -> None:
         assert self._order is not None
-        for pack in self._senders.answers(key, asked):
-            self._order.answer(key, pack)
+        for pack in self._senders.answers(key, query):
+            self._order.add_reply(key, pack)
 
 
 class World:
@@ -108,7 +108,7 @@ class World:
     def start_robot(self) -> None:
         self._lives += 1
         self.mmu = self.mesh.endpoint(f"mmu {self._lives}")
-        self.comm = RecordingBus(self.mesh, self.senders)
+        self.comm = TappedBus(self.mesh, self.senders)
         self.outbox = Outbox(self.robot_dir / "outbox.sqlite", 10_000_000, new_id=100 + self._lives)
         self.never_sync(self.outbox._store._database)
 
@@ -182,7 +182,7 @@ class World:
     def _restore(self, file: Path, folder: Path, *, unsynced: bool) -> None:
         shutil.copy(file, folder)
         wal = file.with_name(f"{file.name}-wal").read_bytes()
-        # A commit that the medium did not take is cut off, and all after it: the messages of a WAL are a chain
+        # A commit that the medium did not take is cut off, and all after it: the frames of a WAL are a chain
         taken = self.chance.randint(0, len(wal)) if unsynced else len(wal)
         (folder / f"{file.name}-wal").write_bytes(wal[:taken])
 

@@ -1,4 +1,4 @@
-"""Messages on their way into the database: put in order, each once; what is missing is asked for or counted."""
+"""Messages on their way into the database: put in order, each once; what is missing is queried or counted."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from common.recording import (
     RecentMessages,
     RecordedMessage,
     RecordingSubscriber,
-    request_for,
-    requested_after,
+    gap_query,
+    queried_after,
     unpack_messages,
 )
 
@@ -36,7 +36,7 @@ def message(sequence: int, boot_id: int = BOOT) -> RecordedMessage:
 
 
 @given(st.lists(st.integers(1, 20), max_size=60), st.randoms())
-def test_frames_leave_in_order_and_once_however_they_come(sequences: list[int], shuffle: random.Random) -> None:
+def test_messages_leave_in_order_and_once_however_they_come(sequences: list[int], shuffle: random.Random) -> None:
     order = MessageOrder({})
     came = [*sequences, *range(1, 21)]
     shuffle.shuffle(came)
@@ -46,7 +46,7 @@ def test_frames_leave_in_order_and_once_however_they_come(sequences: list[int], 
 
 
 @given(st.sets(st.integers(1, 40), min_size=1))
-def test_what_came_and_what_was_lost_make_up_what_was_said(came: set[int]) -> None:
+def test_what_came_and_what_was_lost_make_up_what_was_published(came: set[int]) -> None:
     order = MessageOrder({})
     left = [f.sequence for sequence in came for f in order.add(message(sequence), 0.0)]
     left += [f.sequence for f in order.give_up(1000.0)]
@@ -56,21 +56,21 @@ def test_what_came_and_what_was_lost_make_up_what_was_said(came: set[int]) -> No
     assert last < max(came)
 
 
-def test_what_was_heard_in_an_earlier_life_is_not_taken_again() -> None:
+def test_what_was_received_in_an_earlier_life_is_not_taken_again() -> None:
     order = MessageOrder({(KEY, BOOT): 5})
     assert order.add(message(5), 0.0) == []
     assert [f.sequence for f in order.add(message(6), 0.0)] == [6]
 
 
 class Producer:
-    """Keeps what it said, and answers."""
+    """Keeps what it published, and replies."""
 
     def __init__(self) -> None:
         self.recent = RecentMessages()
         self.sequence = 0
         self.reachable = True
 
-    def say(self, recording: RecordingSubscriber | None = None) -> None:
+    def publish(self, recording: RecordingSubscriber | None = None) -> None:
         self.sequence += 1
         message = data(self.sequence)
         self.recent.append(self.sequence, message)
@@ -78,12 +78,12 @@ class Producer:
             recording.store(KEY, message)
 
 
-def subscriber_of(producer: Producer, known: dict[tuple[str, int], int], clock: list[float]) -> RecordingSubscriber:
-    def ask(key: str, asked: bytes) -> None:
+def recording_of(producer: Producer, known: dict[tuple[str, int], int], clock: list[float]) -> RecordingSubscriber:
+    def query(key: str, payload: bytes) -> None:
         if producer.reachable:
-            recording.answer(key, msgpack.packb(producer.recent.after(requested_after(asked, BOOT))))
+            recording.add_reply(key, msgpack.packb(producer.recent.after(queried_after(payload, BOOT))))
 
-    recording = RecordingSubscriber([KEY], [], known, ask, lambda: clock[0])
+    recording = RecordingSubscriber([KEY], [], known, query, lambda: clock[0])
     return recording
 
 
@@ -95,41 +95,41 @@ def sequences(recording: RecordingSubscriber, clock: list[float]) -> list[int]:
     return found
 
 
-def test_a_restarted_tap_gets_what_was_said_while_it_was_away() -> None:
+def test_a_restarted_recording_subscriber_gets_what_was_published_while_it_was_away() -> None:
     producer, clock = Producer(), [0.0]
     for _ in range(30):
-        producer.say()
-    recording = subscriber_of(producer, {(KEY, BOOT): 12}, clock)
+        producer.publish()
+    recording = recording_of(producer, {(KEY, BOOT): 12}, clock)
     assert sequences(recording, clock) == list(range(13, 31))
     assert recording.take_lost() == {}
 
 
 def test_a_hole_in_the_numbers_is_filled_by_the_producer() -> None:
     producer, clock = Producer(), [0.0]
-    recording = subscriber_of(producer, {}, clock)
-    producer.say(recording)
+    recording = recording_of(producer, {}, clock)
+    producer.publish(recording)
     assert sequences(recording, clock) == [1]
-    producer.say()
-    producer.say(recording)
+    producer.publish()
+    producer.publish(recording)
     assert sequences(recording, clock) == [2, 3]
 
 
 def test_what_the_producer_no_longer_has_is_counted_as_lost() -> None:
     producer, clock = Producer(), [0.0]
     for _ in range(RECENT_COUNT + 10):
-        producer.say()
-    recording = subscriber_of(producer, {(KEY, BOOT): 4}, clock)
+        producer.publish()
+    recording = recording_of(producer, {(KEY, BOOT): 4}, clock)
     assert sequences(recording, clock) == list(range(11, RECENT_COUNT + 11))
     assert recording.take_lost() == {(KEY, BOOT): (5, 10)}
 
 
 def test_a_producer_that_is_gone_is_not_waited_for_for_ever() -> None:
     producer, clock = Producer(), [0.0]
-    recording = subscriber_of(producer, {}, clock)
-    producer.say(recording)
-    producer.say()
+    recording = recording_of(producer, {}, clock)
+    producer.publish(recording)
+    producer.publish()
     producer.reachable = False
-    producer.say(recording)
+    producer.publish(recording)
     assert sequences(recording, clock) == [1]
     clock[0] += 60.0
     assert sequences(recording, clock) == [3]
@@ -137,10 +137,10 @@ def test_a_producer_that_is_gone_is_not_waited_for_for_ever() -> None:
 
 
 def test_what_is_no_message_is_counted() -> None:
-    recording = RecordingSubscriber([KEY], [], {}, lambda key, asked: None)
+    recording = RecordingSubscriber([KEY], [], {}, lambda key, query: None)
     for junk in (b"", b"\xc1", b"\x94\x01\x01", encode(Status(0.0, "", 0, 0, True, 1), 0, BOOT), b"\x00" * 500):
         recording.store(KEY, junk)
-    recording.answer(KEY, b"\xff no list")
+    recording.add_reply(KEY, b"\xff no list")
     assert recording.messages() == []
     assert recording.bad == {KEY: 5}
 
@@ -154,20 +154,20 @@ def test_history_is_bounded_but_holds_the_newest() -> None:
     assert [len(m) for m in recent.after(0)] == [RECENT_BYTES + 1]
 
 
-def test_a_question_names_the_newest_number_of_the_boot_that_is_asked() -> None:
-    asked = request_for({BOOT: 12, 8: 3})
-    assert (requested_after(asked, BOOT), requested_after(asked, 8), requested_after(asked, 9)) == (12, 3, 0)
-    assert requested_after(b"\xc1", BOOT) == 0
+def test_a_query_names_the_newest_number_of_the_boot_that_is_queried() -> None:
+    query = gap_query({BOOT: 12, 8: 3})
+    assert (queried_after(query, BOOT), queried_after(query, 8), queried_after(query, 9)) == (12, 3, 0)
+    assert queried_after(b"\xc1", BOOT) == 0
     assert POSE.recorded
 
 
 @pytest.mark.parametrize("content", [[[]] * 1000, [{}], [[b"a"]], b"a", None, {}])
-def test_an_answer_that_is_no_list_of_messages_is_none(content: object) -> None:
+def test_a_reply_that_is_no_list_of_messages_is_none(content: object) -> None:
     pack = msgpack.packb(content)
     assert unpack_messages(pack) == []
     assert unpack_messages(pack[:-1]) == []
 
 
-def test_of_an_endless_answer_only_the_beginning_is_read() -> None:
+def test_of_an_endless_reply_only_the_beginning_is_read() -> None:
     assert unpack_messages(msgpack.packb([b"a"] * 1000), 3) == [b"a"] * 3
     assert unpack_messages(b"\xdd\xff\xff\xff\xff") == []

@@ -57,7 +57,7 @@ def test_a_changed_bit_is_refused(data: bytes, position: int, bit: int, in_signa
 
 
 @given(junk=st.binary(max_size=100))
-def test_what_is_no_signature_is_refused(junk: bytes) -> None:
+def test_what_is_no_seal_is_refused(junk: bytes) -> None:
     pair = Pair()
     assert pair.refusal(1, b"release", junk)
     assert pair.refusal(1, b"release", pair.signer.sign(TOPIC, b"release") + b"\0")
@@ -72,7 +72,7 @@ def test_another_key_and_another_topic_are_refused() -> None:
     assert "not signed" in pair.refusal(1, b"go", b"")
 
 
-def test_a_signature_outlives_one_renewal_and_not_two() -> None:
+def test_a_seal_outlives_one_renewal_and_not_two() -> None:
     pair = Pair()
     first, second = pair.signer.sign(TOPIC, b"1"), pair.signer.sign(TOPIC, b"2")
     pair.renew()

@@ -74,8 +74,8 @@ def open_bus(config: Config) -> Iterator[Open]:
         bus.close()
 
 
-def status(count: int) -> Status:
-    return Status(0.0, "RUN", 0, 1, True, count)
+def status(heartbeat_count: int) -> Status:
+    return Status(0.0, "RUN", 0, 1, True, heartbeat_count)
 
 
 def pose() -> PoseEstimate:
@@ -115,8 +115,8 @@ def test_take_gives_everything_once_and_in_order(open_bus: Open) -> None:
         return receiver.latest(STATUS["mmu"]) is not None
 
     until(linked)
-    for count in range(1, 101):
-        sender.publish(STATUS["mmu"], status(count))
+    for heartbeat_count in range(1, 101):
+        sender.publish(STATUS["mmu"], status(heartbeat_count))
     got: list[int] = []
 
     def all_there() -> bool:
@@ -180,7 +180,7 @@ def test_a_map_that_comes_within_the_first_take_is_whole(open_bus: Open, monkeyp
     monkeypatch.undo()
 
 
-def test_missed_increments_are_asked_for(open_bus: Open, config: Config) -> None:
+def test_missed_increments_are_queried(open_bus: Open, config: Config) -> None:
     open_bus("comm", "router")
     sender, receiver = open_bus("mmu"), open_bus("recorder")
     starts: list[int] = []
@@ -213,11 +213,11 @@ def test_missed_increments_are_asked_for(open_bus: Open, config: Config) -> None
     assert starts == sorted(starts)
 
 
-def test_a_question_that_is_refused_is_asked_again(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_query_that_is_refused_is_repeated(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     open_bus("comm", "router")
     sender, late = open_bus("mmu"), open_bus("visualizer")
     refusals = [True, True]
-    monkeypatch.setattr(sender._answers, "refuses", lambda *_: bool(refusals) and refusals.pop())
+    monkeypatch.setattr(sender._replies, "refuses", lambda *_: bool(refusals) and refusals.pop())
     for update in (wall(0, 3), wall(3, 2)):
         sender.publish(MAP, update)
     starts: list[int] = []
@@ -234,7 +234,7 @@ def test_a_question_that_is_refused_is_asked_again(open_bus: Open, monkeypatch: 
 def test_a_snapshot_is_taken_though_every_question_is_refused(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     open_bus("comm", "router")
     sender, planner = open_bus("mmu"), open_bus("planner")
-    monkeypatch.setattr(sender._answers, "refuses", lambda *_: True)
+    monkeypatch.setattr(sender._replies, "refuses", lambda *_: True)
     sender.publish(GRID, grid(1))
     until(lambda: any(reply.err for reply in planner._session.get(planner._key(GRID))))
 
@@ -279,11 +279,11 @@ def test_everybody_who_obeys_or_watches_hears_an_operation_of_the_command_center
 def test_peers_keep_each_other_when_the_router_goes(open_bus: Open) -> None:
     comm, mmu, planner = open_bus("comm", "router"), open_bus("mmu"), open_bus("planner")
 
-    def heard(count: int) -> Callable[[], bool]:
+    def heard(heartbeat_count: int) -> Callable[[], bool]:
         def condition() -> bool:
-            mmu.publish(STATUS["mmu"], status(count))
+            mmu.publish(STATUS["mmu"], status(heartbeat_count))
             newest = planner.latest(STATUS["mmu"])
-            return newest is not None and newest.heartbeat_count == count
+            return newest is not None and newest.heartbeat_count == heartbeat_count
 
         return condition
 
@@ -371,12 +371,12 @@ def test_what_was_announced_is_waited_for_and_what_is_lost_is_not_waited_for_lon
         return receiver.latest(STATUS["mmu"]) is not None
 
     until(linked)
-    for count in range(1, 50):
-        sender.publish(STATUS["mmu"], status(count))
+    for heartbeat_count in range(1, 50):
+        sender.publish(STATUS["mmu"], status(heartbeat_count))
         sender.publish(POSE, pose())
         expected.merge(sender.announced.take())
         receiver.await_messages(expected, threading.Event())
-        assert receiver._inboxes[STATUS["mmu"].key].newest == status(count)
+        assert receiver._inboxes[STATUS["mmu"].key].newest == status(heartbeat_count)
     boot_id = next(iter(receiver._inboxes[STATUS["mmu"].key].sequences))
     expected.note(STATUS["mmu"].key, boot_id, 1_000_000)
     began_s = time.monotonic()

@@ -32,12 +32,12 @@ def test_without_keys_all_join_the_router_of_comm_on_loopback() -> None:
     assert (comm.listen, comm.connect) == ((ROUTER,), ())
     assert (recorder.listen, recorder.connect) == ((LAPTOP_ROUTER,), (ROUTER,))
     for module in MODULES:
-        way = main_channel(module, "peer", config)
-        assert (way.mode, way.connect[0]) == ("peer", ROUTER)
+        channel = main_channel(module, "peer", config)
+        assert (channel.mode, channel.connect[0]) == ("peer", ROUTER)
         assert (command_channel(module, "peer", config) is not None) == (module in ("bridge", "command_center"))
     assert main_channel("command_center", "client", config).connect == (ROUTER,)
-    ways = [comm, recorder, *(main_channel(module, "peer", config) for module in MODULES)]
-    assert all(way.keys is None and way.rules is None for way in ways)
+    channels = [comm, recorder, *(main_channel(module, "peer", config) for module in MODULES)]
+    assert all(channel.keys is None and channel.rules is None for channel in channels)
 
 
 def port_of(endpoint: str) -> str:
@@ -48,27 +48,27 @@ def test_of_two_peers_just_one_connects_to_the_other_and_all_of_it_stays_on_loop
     config = Config()
     sessions = {module: main_channel(module, "peer", config) for module in (*MODULES, "stranger")}
     commands = [command_channel(module, "peer", config) for module in ("bridge", "command_center")]
-    ways = [*sessions.values(), *(way for way in commands if way is not None)]
-    for way in ways:
-        assert all(endpoint.startswith("tcp/127.0.0.") for endpoint in (*way.listen, *way.connect))
-        assert {port_of(endpoint) for endpoint in (*way.listen, *way.connect)} == {port_of(ROUTER)}
+    channels = [*sessions.values(), *(channel for channel in commands if channel is not None)]
+    for channel in channels:
+        assert all(endpoint.startswith("tcp/127.0.0.") for endpoint in (*channel.listen, *channel.connect))
+        assert {port_of(endpoint) for endpoint in (*channel.listen, *channel.connect)} == {port_of(ROUTER)}
 
-    def connects(way: Channel, other: Channel) -> bool:
-        return bool(set(way.connect) & set(other.listen))
+    def connects(channel: Channel, other: Channel) -> bool:
+        return bool(set(channel.connect) & set(other.listen))
 
-    listening = [way for way in ways if way.listen]
-    assert len(listening) == len({way.listen for way in listening}) == len(NEIGHBOURS)
+    listening = [channel for channel in channels if channel.listen]
+    assert len(listening) == len({channel.listen for channel in listening}) == len(NEIGHBOURS)
     for other in listening:
-        assert all(connects(way, other) != connects(other, way) for way in ways if way is not other)
+        assert all(connects(channel, other) != connects(other, channel) for channel in channels if channel is not other)
 
 
 def test_meshes_with_routers_of_their_own_share_no_address() -> None:
-    ways = [
+    channels = [
         main_channel(module, "peer", Config(mesh=MeshSection(router)))
         for router in (ROUTER, LAPTOP_ROUTER)
         for module in ("bridge", "mmu")
     ]
-    assert len({way.listen for way in ways}) == len(ways)
+    assert len({channel.listen for channel in channels}) == len(channels)
 
 
 @pytest.mark.parametrize(
@@ -86,21 +86,21 @@ def test_meshes_with_routers_of_their_own_share_no_address() -> None:
 def test_over_several_machines_the_certificate_is_shown_where_a_link_leaves_one(
     several: Config, module: str, mode: Mode, connect: tuple[str, ...], role: str | None
 ) -> None:
-    way = main_channel(module, mode, several)
-    assert way.connect == connect
-    assert (way.keys.name if way.keys is not None else None) == role
-    assert not any(endpoint.startswith("tls/") for endpoint in (*way.listen, *way.connect)) or role is not None
+    channel = main_channel(module, mode, several)
+    assert channel.connect == connect
+    assert (channel.keys.name if channel.keys is not None else None) == role
+    assert not any(endpoint.startswith("tls/") for endpoint in (*channel.listen, *channel.connect)) or role is not None
     # Whoever listens where others can come has rules
-    assert way.rules is not None or way.mode != "router" or not way.listen
+    assert channel.rules is not None or channel.mode != "router" or not channel.listen
 
 
 def test_commands_go_straight_to_the_robot(several: Config) -> None:
-    way = command_channel("command_center", "peer", several)
-    assert way is not None
-    assert way.connect == (ROBOT,)
-    assert way.listen == ()
-    assert way.keys is not None
-    assert way.keys.name == "command_center"
+    channel = command_channel("command_center", "peer", several)
+    assert channel is not None
+    assert channel.connect == (ROBOT,)
+    assert channel.listen == ()
+    assert channel.keys is not None
+    assert channel.keys.name == "command_center"
     bridge = command_channel("bridge", "peer", several)
     assert bridge is not None
     assert bridge.connect == (ROUTER,)

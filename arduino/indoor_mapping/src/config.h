@@ -52,7 +52,7 @@ static const int32_t kApproach_mm = 100;             // by as much a thing comes
 static const int32_t kReverseMax_mm = 500;           // = REVERSE_MAX_M * 1000
 static const int32_t kReverseFresh_ms = 10000;
 static const int32_t kReverseStep_mm = 50;           // between two places that are remembered
-static const int32_t kReverseAside_mm = 100;         // beside the way that was driven, the hull still covers most of it
+static const int32_t kReverseAside_mm = 100;         // beside the way that was driven, the footprint still covers most of it
 
 // Sonars (LV-MaxSonar)
 static const uint8_t kSonarCount = 5;                // = SONAR_COUNT

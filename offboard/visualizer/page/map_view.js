@@ -3,7 +3,7 @@
 import { View } from "./view.js";
 
 const WALL = 0.09; // metres
-const HULL = 0.22;
+const FOOTPRINT_M = 0.22;
 const ROBOT_MIN_PX = 11;
 const MARGIN = { top: 56, right: 76, bottom: 64, left: 32 };
 const GRID_STEPS = [1, 5, 10, 50]; // metres between two lines
@@ -241,7 +241,7 @@ export class MapView {
   #drawRobot(context, sure) {
     const { pose } = this.model;
     const [x, y] = this.view.toScreen(pose.x_m, pose.y_m);
-    const radius = Math.max(ROBOT_MIN_PX, HULL * this.view.scale);
+    const radius = Math.max(ROBOT_MIN_PX, FOOTPRINT_M * this.view.scale);
     const { robot, paper } = this.colours;
     context.save();
     context.translate(x, y);

@@ -59,7 +59,7 @@ class Rounds:
         if len(rays):
             starts, directions = in_map(rays, poses)
             grid.add_rays(starts, directions, rays[:, 5])
-            grid.add_hull(starts)
+            grid.add_footprint(starts)
         return grid
 
     def _draw_walls(self, poses: FloatArray) -> WallPoints:

@@ -23,12 +23,17 @@ RAY_MAX_M = 6.2
 SILENT_FREE_M = 1.0  # how far a sonar that hears nothing several times running frees
 HITS_FOR_WALL = 2
 RAYS_AT_ONCE = 100  # a worker's memory: each takes 20 kB while it is drawn
-HULL_CLEAR_M = 0.25
+FOOTPRINT_CLEAR_M = 0.25
 _STEP_M = 0.08
 _PATCH_M = np.array([-sqrt(2.0), 0.0, sqrt(2.0)]) * CELL_M  # never two of them in one cell
 _REACHES = np.arange(0.0, RAY_MAX_M, _STEP_M)
 _DISC = np.array(
-    [(x, y) for x in np.arange(-0.2, 0.21, 0.1) for y in np.arange(-0.2, 0.21, 0.1) if x * x + y * y <= HULL_CLEAR_M**2]
+    [
+        (x, y)
+        for x in np.arange(-0.2, 0.21, 0.1)
+        for y in np.arange(-0.2, 0.21, 0.1)
+        if x * x + y * y <= FOOTPRINT_CLEAR_M**2
+    ]
 )
 
 Cells = npt.NDArray[np.uint8]
@@ -81,7 +86,7 @@ class OccupancyGrid:
         open_ = (reach[None, :] <= free[:, None]) & ~seen_wall
         self._passed[index[0][open_], index[1][open_]] = True
 
-    def add_hull(self, positions_m: Points) -> None:
+    def add_footprint(self, positions_m: Points) -> None:
         """Where the robot itself stood (N, 2) is free, whatever the sonars say."""
         for i in range(0, len(positions_m), RAYS_AT_ONCE):
             part = positions_m[i : i + RAYS_AT_ONCE]

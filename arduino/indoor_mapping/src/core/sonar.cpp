@@ -18,7 +18,7 @@ uint16_t pulse_to_mm(uint16_t width_us) {
   return static_cast<uint16_t>((static_cast<uint32_t>(width_us) * 254u + 735u) / 1470u);
 }
 
-// Readings of the transducer for a gap between hull and thing
+// Readings of the transducer for a gap between footprint and thing
 const int32_t kContact_mm = config::kHullRadius_mm + config::kSafeDistance_mm - config::kSonarRingRadius_mm;
 const int32_t kClear_mm = config::kHullRadius_mm + config::kClearDistance_mm - config::kSonarRingRadius_mm;
 

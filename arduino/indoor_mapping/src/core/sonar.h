@@ -25,10 +25,10 @@ class Sonars {
   uint16_t age_ms(uint8_t sonar, uint32_t now_us) const;
   // AggregateSonarData: distances to the walls left, right and in front
   Distances distances(uint32_t now_us) const;
-  // A sonar in front sees something nearer to the hull than the safe distance, and saw it near by a reading before:
+  // A sonar in front sees something nearer to the footprint than the safe distance, and saw it near by a reading before:
   // out of nowhere it may be an early echo, and is asked for again first
   bool contact(uint32_t now_us) const;
-  // No fresh reading in front is nearer to the hull than the distance backing off ends at
+  // No fresh reading in front is nearer to the footprint than the distance backing off ends at
   bool clear_in_front(uint32_t now_us) const;
   // A sonar has not answered its trigger for long
   bool silent() const;

@@ -12,18 +12,18 @@ BURST_BYTES = 4_000_000  # all that a process has kept, for one who has just com
 ANSWER_BYTES_MIN = 10_000  # what an answer costs at least: two hundred a second in the long run
 
 
-class AnswerBudget:
+class ReplyBudget:
     """Of all topics of one process together; whoever uses it from several threads locks it."""
 
     def __init__(self) -> None:
         self._left_bytes = float(BURST_BYTES)
-        self._asked_s = inf
+        self._updated_s = inf
 
     def allows(self, answer_bytes: int, now_s: float) -> bool:
         """Whether an answer may go out now. One that is longer than the burst may when nothing was answered lately."""
-        self._left_bytes += max(0.0, now_s - self._asked_s) * RATE_BYTES_S
+        self._left_bytes += max(0.0, now_s - self._updated_s) * RATE_BYTES_S
         self._left_bytes = min(self._left_bytes, BURST_BYTES)
-        self._asked_s = now_s
+        self._updated_s = now_s
         cost_bytes = max(answer_bytes, ANSWER_BYTES_MIN)
         if self._left_bytes < min(cost_bytes, BURST_BYTES):
             return False
