@@ -99,6 +99,24 @@ def run(world: World, seconds: float) -> None:
         world.step()
 
 
+@pytest.mark.parametrize("moment", range(20))
+def test_a_body_whose_motors_are_cut_in_a_turn_stands_within_a_second(moment: int) -> None:
+    board = RecordingBoard()
+    world = World(hall(), 0, moment, PROFILES["realistic"], board)
+    board.drive = (-150, 150, True)
+    for _ in range(200 + 7 * moment):
+        world.step()
+    assert world.true_motion[1] > 1.0
+    board.drive = (0, 0, False)
+    for _ in range(200):
+        world.step()
+    turned = []
+    for _ in range(200):
+        world.step()
+        turned.append(abs(world.true_motion[1]))
+    assert max(turned) < 0.002
+
+
 def test_encoders_and_truth_agree_without_errors() -> None:
     world, board = world_with()
     board.drive = (PWM_016_M_S, PWM_016_M_S, True)
