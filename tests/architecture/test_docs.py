@@ -12,7 +12,7 @@ import pytest
 from common.config import Config, parse_config
 from common.messages import TOPICS
 from docs.generate import PARTS, expected, sample
-from tests.architecture.project import ROOT, is_ours, text_files
+from tests.architecture.project import PACKAGES, ROOT, is_ours, text_files
 
 PAGES = sorted(
     path
@@ -96,6 +96,8 @@ def is_known(page: Path, token: str) -> bool:
         return any(f'"{token.partition("=")[0]}"' in text for text in sources().values()) or token == "--"
     if re.fullmatch(r"_\w+", token):
         return any(word.endswith(token) for held in words() for word in held)
+    if token.split(".")[0] in PACKAGES and "." in token:
+        return file_exists(page, token.replace(".", "/") + ".py") or file_exists(page, token.replace(".", "/") + "/")
     if NAME.fullmatch(token):
         return any(held.issuperset(re.findall(r"\w+", token)) for held in words())
     return True
@@ -152,6 +154,7 @@ def test_links_of_names_lead_to_files_that_hold_them(page: Path) -> None:
     "token",
     [
         "onboard/mmu/gone.py",
+        "onboard.mmu.gone",
         "gone.py",
         "modules/gone/",
         "mmu/gone",
