@@ -25,7 +25,7 @@ from common.messages import (
 )
 from common.status import StatusReporter
 from onboard.mmu.back_end.worker import ProcessWorker, Worker
-from onboard.mmu.map.grid_encoder import GridPress
+from onboard.mmu.map.grid_encoder import GridEncoder
 from onboard.mmu.map.map_file import MAP_NAME, SavedMap, load_map
 from onboard.mmu.slam import ROBOT, Carrier, Slam
 
@@ -46,18 +46,18 @@ class MappingUnit:
         carrier: Carrier = ROBOT,
         saved: SavedMap | None = None,
     ) -> None:
-        """`worker`: where the back end runs; `saved`: a map from before, to go on in."""
+        """`worker`: where the back end runs; `saved`: a prior map, to continue in."""
         self._slam = Slam(worker, carrier, saved)
         self._status = StatusReporter(self.name)
         self._map_sent_s = self._grid_begun_s = self._trajectory_sent_s = -math.inf
         self._sent_points = 0
         self._sent_revision = -1
-        self._grid_press = GridPress()
+        self._grid_encoder = GridEncoder()
         self._pose: PoseEstimate | None = None
 
     def step(self, bus: Bus, now_s: float) -> None:
         for odometry in bus.take(ODOMETRY):
-            self._take_in(bus, odometry)
+            self._update_pose(bus, odometry)
         for ranges in bus.take(RANGES):
             if ranges.valid:
                 self._slam.add_ranges(ranges)
@@ -74,11 +74,11 @@ class MappingUnit:
     def close(self) -> None:
         self._slam.close()
 
-    def _take_in(self, bus: Bus, odometry: Odometry) -> None:
+    def _update_pose(self, bus: Bus, odometry: Odometry) -> None:
         if not odometry.valid:
             return
         if not self._slam.add_odometry(odometry):
-            return  # broken, or the first of a board that restarted: the next one tells more
+            return  # broken, or the first of a board that restarted: the next one shows which
         pose = self._slam.pose
         sd_xy_m, sd_heading_rad = self._slam.uncertainty
         self._pose = PoseEstimate(
@@ -89,26 +89,26 @@ class MappingUnit:
             yaw_rad=odometry.yaw_rad,
             sd_xy_m=sd_xy_m,
             sd_heading_rad=sd_heading_rad,
-            map_revision=self._slam.revision,
+            map_revision=self._slam.map.revision,
             valid=sd_xy_m < MAX_SD_M,
         )
         bus.publish(POSE, self._pose)
 
     def _publish_map(self, bus: Bus, now_s: float) -> None:
-        changed = self._slam.map_count > self._sent_points or self._slam.revision != self._sent_revision
+        changed = self._slam.map.wall_count > self._sent_points or self._slam.map.revision != self._sent_revision
         if changed and now_s - self._map_sent_s >= 1.0 / MAP_RATE_MAX_HZ:
             self._map_sent_s = now_s
-            anew = self._slam.revision != self._sent_revision
-            start = 0 if anew else self._sent_points
-            walls = self._slam.map_points(start)
-            self._sent_points, self._sent_revision = start + len(walls.points_m), self._slam.revision
-            bus.publish(MAP, MapUpdate(now_s, self._slam.revision, start, walls.points_m, walls.inferred))
-            if anew:
+            replaced = self._slam.map.revision != self._sent_revision
+            start = 0 if replaced else self._sent_points
+            walls = self._slam.map.wall_points(start)
+            self._sent_points, self._sent_revision = start + len(walls.points_m), self._slam.map.revision
+            bus.publish(MAP, MapUpdate(now_s, self._slam.map.revision, start, walls.points_m, walls.inferred))
+            if replaced:
                 self._trajectory_sent_s = -math.inf
-        if now_s - self._grid_begun_s >= GRID_PERIOD_S and not self._grid_press.busy:
+        if now_s - self._grid_begun_s >= GRID_PERIOD_S and not self._grid_encoder.busy:
             self._grid_begun_s = now_s
-            self._grid_press.begin(self._slam.grid)
-        grid = self._grid_press.advance(now_s)
+            self._grid_encoder.begin(self._slam.map.grid)
+        grid = self._grid_encoder.advance(now_s)
         if grid is not None:
             bus.publish(GRID, grid)
         if now_s - self._trajectory_sent_s >= TRAJECTORY_PERIOD_S:
@@ -122,7 +122,7 @@ def carrier_of(config: Config) -> Carrier:
 
 
 def make_mapping_unit(config: Config, arguments: argparse.Namespace) -> MappingUnit:
-    """The node of the process; the map stands in the log folder, and a process that comes back goes on in it."""
+    """The node of the process; the map stands in the log folder, and a process that restarts continues in it."""
     folder: Path | None = arguments.log_dir
     file = folder / MAP_NAME if folder else None
     return MappingUnit(ProcessWorker(file), carrier_of(config), load_map(file) if file else None)

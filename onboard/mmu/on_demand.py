@@ -1,6 +1,6 @@
 """Modules that a library loads and this program never uses: stand-ins for them, and the real ones when they are called.
 
-What scipy and numpy load for others costs tens of megabytes of resident memory, and seconds at every start on a
+What scipy and numpy load in addition costs tens of megabytes of resident memory, and seconds at every start on a
 BeagleBone.
 """
 

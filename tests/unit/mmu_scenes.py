@@ -1,4 +1,4 @@
-"""Sonars between straight walls, as simple as can be: what a mapping unit hears."""
+"""Sonars between straight walls, as simple as can be: what a mapping unit receives."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def ring(x0: float, y0: float, x1: float, y1: float) -> list[Wall]:
     return [(*a, *b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
 
 
-def heard(pose: Pose2, walls: FloatArray) -> tuple[float, ...]:
-    """What five sonars hear of walls (N, 4): the nearest foot within each beam, in whole steps; NaN = nothing."""
+def ranges_to(pose: Pose2, walls: FloatArray) -> tuple[float, ...]:
+    """What five sonars measure of walls (N, 4): the nearest foot within each beam, in whole steps; NaN = nothing."""
     a, d = walls[:, :2], walls[:, 2:] - walls[:, :2]
     at = np.array([pose.x_m, pose.y_m])
     share = ((at - a) * d).sum(axis=1) / (d * d).sum(axis=1)

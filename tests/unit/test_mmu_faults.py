@@ -16,7 +16,7 @@ from common.messages import Odometry, Ranges
 from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.map.map_file import SavedMap, load_map
 from onboard.mmu.slam import Slam
-from tests.unit.mmu_scenes import heard, ring
+from tests.unit.mmu_scenes import ranges_to, ring
 
 PERIOD_S = 0.1
 SPEED_M_S = 0.3
@@ -40,16 +40,16 @@ def reports(seconds: float, start: Pose2 = ORIGIN, session: int = 1, begin_s: fl
         odometry = Odometry(
             t_s, *ticks, board.heading_rad, 0.0, board.x_m, board.y_m, SPEED_M_S, False, False, False, session
         )
-        out.append((odometry, Ranges(t_s, heard(pose, WALLS), (0.0,) * 5)))
+        out.append((odometry, Ranges(t_s, ranges_to(pose, WALLS), (0.0,) * 5)))
         ahead_m = pose.x_m + 2.0 * cos(pose.heading_rad)
         if turning_rad <= 0.0 and not ROOM[0][0] + 1.0 < ahead_m < ROOM[0][1] - 1.0:
             turning_rad = pi
         turn_rad = min(turning_rad, 0.12)
         turning_rad -= turn_rad
-        way_m = 0.0 if turn_rad else SPEED_M_S * PERIOD_S
-        left_m += way_m - turn_rad * WHEEL_TRACK_M / 2
-        right_m += way_m + turn_rad * WHEEL_TRACK_M / 2
-        pose = pose.compose(Pose2(way_m, 0.0, turn_rad))
+        path_m = 0.0 if turn_rad else SPEED_M_S * PERIOD_S
+        left_m += path_m - turn_rad * WHEEL_TRACK_M / 2
+        right_m += path_m + turn_rad * WHEEL_TRACK_M / 2
+        pose = pose.compose(Pose2(path_m, 0.0, turn_rad))
     return out
 
 
@@ -105,9 +105,9 @@ def five_seconds_missing() -> list[Report]:
 
 
 @pytest.mark.requirement("MMU_SR_04")
-@pytest.mark.parametrize("way", [doubled, out_of_order, late_ranges, broken_now_and_then, five_seconds_missing])
-def test_whatever_happens_to_the_inputs_the_pose_stays_true(way: Callable[[], list[Report]]) -> None:
-    slam = fed(way())
+@pytest.mark.parametrize("messages", [doubled, out_of_order, late_ranges, broken_now_and_then, five_seconds_missing])
+def test_whatever_happens_to_the_inputs_the_pose_stays_true(messages: Callable[[], list[Report]]) -> None:
+    slam = fed(messages())
     assert off_m(slam, DRIVE[-1]) < 0.15
     points = slam.wall_points()
     (x0, x1), (y0, y1) = ROOM
@@ -153,10 +153,10 @@ def test_a_process_that_restarts_goes_on_in_its_map(tmp_path: Path) -> None:
     assert slam.uncertainty[0] < 1.0
     assert off_m(slam, DRIVE[-1]) < 0.2
     assert len(slam.trajectory()[1]) > len(saved.poses)
-    assert slam.map_count > len(saved.echoes)
+    assert slam.map.wall_count > len(saved.echoes)
 
 
-def test_a_robot_that_may_have_been_carried_knows_nothing_at_first(tmp_path: Path) -> None:
+def test_a_robot_that_may_have_been_kidnapped_knows_nothing_at_first(tmp_path: Path) -> None:
     saved = saved_after(DRIVE[:400], tmp_path / "map.npz")
     slam = fed(reports(1.0, session=9), Slam(DeferredWorker(), saved=saved))
     assert slam.uncertainty[0] == inf

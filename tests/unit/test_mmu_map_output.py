@@ -1,4 +1,4 @@
-"""What the mapping unit sends of its map: grid a few rows at a time, wall points echoed and concluded."""
+"""What the mapping unit publishes of its map: grid a few rows at a time, wall points echoed and inferred."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from common.geometry import Points, Pose2
-from onboard.mmu.back_end.map_builder import REDRAW_WAY_M, Rounds
+from onboard.mmu.back_end.exchange import Increment
+from onboard.mmu.back_end.map_builder import REDRAW_PATH_M, MapBuilder
 from onboard.mmu.map import grid_encoder
-from onboard.mmu.map.grid_encoder import GridPress
-from onboard.mmu.map.keyframes import Increment, KeyFrame
+from onboard.mmu.map.grid_encoder import GridEncoder
+from onboard.mmu.map.keyframes import Keyframe
 from onboard.mmu.map.occupancy import OccupancyGrid
 from onboard.mmu.map.wall_points import WallPoints, WallStore
 
@@ -30,32 +31,34 @@ def grid() -> OccupancyGrid:
 
 
 @pytest.mark.parametrize("at_once", [100, 1000, 10_000_000])
-def test_a_grid_pressed_in_parts_is_the_whole_grid(monkeypatch: pytest.MonkeyPatch, at_once: int) -> None:
+def test_a_grid_compressed_in_parts_is_the_whole_grid(monkeypatch: pytest.MonkeyPatch, at_once: int) -> None:
     monkeypatch.setattr(grid_encoder, "CELLS_AT_ONCE", at_once)
     whole = grid()
-    press = GridPress()
-    assert press.advance(0.0) is None
-    press.begin(whole)
+    encoder = GridEncoder()
+    assert encoder.advance(0.0) is None
+    encoder.begin(whole)
     steps = 1
-    while (update := press.advance(steps * 0.05)) is None:
-        assert press.busy
+    while (update := encoder.advance(steps * 0.05)) is None:
+        assert encoder.busy
         steps += 1
-    assert not press.busy
+    assert not encoder.busy
     assert (update.rows, update.columns) == whole.shape
     assert zlib.decompress(update.cells_zlib) == whole.cells().tobytes()
     assert steps == max(1, -(-whole.shape[0] // max(at_once // whole.shape[1], 1)))
 
 
-def test_a_grid_that_grows_while_it_is_pressed_goes_out_as_large_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_grid_that_grows_meanwhile_is_published_as_large_as_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(grid_encoder, "CELLS_AT_ONCE", 1000)
     growing = grid()
     shape, origin_m = growing.shape, growing.origin_m
-    press = GridPress()
-    press.begin(growing)
-    press.advance(0.0)
+    encoder = GridEncoder()
+    encoder.begin(growing)
+    encoder.advance(0.0)
     growing.add_walls(np.array([[-30.0, 30.0]]), np.array([0.0]))
     assert growing.shape != shape
-    while (update := press.advance(0.0)) is None:
+    while (update := encoder.advance(0.0)) is None:
         pass
     assert (update.rows, update.columns) == shape
     assert (update.origin_x_m, update.origin_y_m) == origin_m
@@ -68,27 +71,27 @@ def test_wall_points_are_kept_in_the_order_in_which_they_came() -> None:
     assert len(store) == 3
     assert store.since(1).points_m.tolist() == [[3.0, 4.0], [5.0, 6.0]]
     assert store.since(0).inferred.tolist() == [0, 0, 1]
-    store.begin_anew(WallPoints.of(np.array([[7.0, 8.0]] * 2), NONE))
+    store.replace(WallPoints.of(np.array([[7.0, 8.0]] * 2), NONE))
     assert store.since(0).points_m.tolist() == [[7.0, 8.0]] * 2
 
 
 def drive(start: int, count: int) -> Increment:
-    frames = tuple(
-        KeyFrame(2.0 * i, Pose2(0.4 * i, 0.0, 0.0), 0.4 * i, 0.4 * i, 0.0, 0.0) for i in range(start, start + count)
+    keyframes = tuple(
+        Keyframe(2.0 * i, Pose2(0.4 * i, 0.0, 0.0), 0.4 * i, 0.4 * i, 0.0, 0.0) for i in range(start, start + count)
     )
     echoes = np.array([[i, 0.4 * i, 0.1 * k, 1.0, pi / 2, 1.0] for i in range(start, start + count) for k in range(4)])
-    return Increment(frames, echoes, np.zeros((0, 6)))
+    return Increment(keyframes, echoes, np.zeros((0, 6)))
 
 
-def test_walls_are_drawn_anew_from_time_to_time_though_nothing_moved() -> None:
-    rounds = Rounds()
-    assert rounds.take(drive(0, 5)).walls is None
-    frames = round(REDRAW_WAY_M / 0.4)
-    correction = rounds.take(drive(5, frames))
+def test_walls_are_drawn_again_from_time_to_time_though_nothing_moved() -> None:
+    builder = MapBuilder()
+    assert builder.take(drive(0, 5)).walls is None
+    keyframes = round(REDRAW_PATH_M / 0.4)
+    correction = builder.take(drive(5, keyframes))
     assert correction.walls is not None
     assert correction.grid is None
     echoed = correction.walls.points_m[correction.walls.inferred == 0]
-    assert len(echoed) == 4 * (5 + frames)
+    assert len(echoed) == 4 * (5 + keyframes)
     assert np.abs(echoed[:, 1] - 1.0).max() < 0.01
 
 
@@ -99,5 +102,7 @@ def test_the_front_end_loads_nothing_of_scipy_until_it_is_called() -> None:
         "from filterpy.stats import logpdf",
         "print(round(logpdf(1.0, 0.0, 2.0), 4), 'scipy.stats' in sys.modules)",
     )
-    told = subprocess.run([sys.executable, "-c", "\n".join(lines)], check=True, capture_output=True, text=True).stdout
-    assert told.split() == ["False", "-1.5155", "True"]
+    printed = subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)], check=True, capture_output=True, text=True
+    ).stdout
+    assert printed.split() == ["False", "-1.5155", "True"]

@@ -1,4 +1,4 @@
-"""The mapping unit as a node: a drive round an island with sonars that hear feet of walls, message by message."""
+"""The mapping unit as a node: a drive around an island, message by message; the feet of walls echo."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ from common.messages import (
 )
 from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
-from tests.unit.mmu_scenes import heard, ring
+from tests.unit.mmu_scenes import ranges_to, ring
 
 PERIOD_S = 0.1
 SPEED_M_S = 0.3
 TURN_RAD_S = 1.0
 START = Pose2(3.0, 0.9, 0.0)
 GYRO_DRIFT_RAD_S = radians(0.02)
-CORNERS = ((7.1, 0.9), (7.1, 5.1), (0.9, 5.1), (0.9, 0.9))  # of the way
+CORNERS = ((7.1, 0.9), (7.1, 5.1), (0.9, 5.1), (0.9, 0.9))  # of the path
 
 
 WALLS = np.array(ring(0.0, 0.0, 8.0, 6.0) + ring(1.8, 1.8, 6.2, 4.2))
 
 
 def ranges_at(pose: Pose2) -> tuple[float, ...]:
-    return heard(pose, WALLS)
+    return ranges_to(pose, WALLS)
 
 
-def way(rounds: int = 1, beyond_m: float = 6.0) -> Iterator[tuple[float, Pose2]]:
+def path(rounds: int = 1, beyond_m: float = 6.0) -> Iterator[tuple[float, Pose2]]:
     """True poses ten times a second, with the speed at each: round the island, then a little further."""
     pose = START
     goals = [*CORNERS * rounds, (START.x_m, START.y_m), (START.x_m + beyond_m, START.y_m)]
@@ -70,7 +70,7 @@ def way(rounds: int = 1, beyond_m: float = 6.0) -> Iterator[tuple[float, Pose2]]
 
 @dataclass
 class Bench:
-    """A mapping unit on a mesh, and everything that it says."""
+    """A mapping unit on a mesh, and everything that it publishes."""
 
     mesh: LocalMesh = field(default_factory=LocalMesh)
     unit: MappingUnit = field(default_factory=lambda: MappingUnit(DeferredWorker()))
@@ -84,26 +84,26 @@ class Bench:
 
     def __post_init__(self) -> None:
         self.bus = self.mesh.endpoint("mmu")
-        self.ear = self.mesh.endpoint("ear")
-        self.listen()
+        self.receiver = self.mesh.endpoint("receiver")
+        self.receive()
 
     @property
     def now_s(self) -> float:
         return self.mesh.now_s
 
-    def listen(self) -> None:
-        self.poses += self.ear.take(POSE)
-        self.maps += self.ear.take(MAP)
-        self.statuses += self.ear.take(STATUS["mmu"])
+    def receive(self) -> None:
+        self.poses += self.receiver.take(POSE)
+        self.maps += self.receiver.take(MAP)
+        self.statuses += self.receiver.take(STATUS["mmu"])
 
     def step(self) -> None:
         """Half a period and one step of the node."""
         self.mesh.now_s += PERIOD_S / 2
         self.unit.step(self.bus, self.now_s)
-        self.listen()
+        self.receive()
 
     def report(self, speed_m_s: float, pose: Pose2, ranges_late: bool = False) -> None:
-        """What the bridge says once the robot is at that true pose, and two steps of the node."""
+        """What the bridge reports once the robot is at that true pose, and two steps of the node."""
         before = self.truth[-1] if self.truth else pose
         turned_rad = wrap_angle(pose.heading_rad - before.heading_rad)
         moved_m = pose.distance_m(before)
@@ -135,7 +135,7 @@ class Bench:
         self.step()
 
     def drive(self, seconds: float = inf, **options: Any) -> Bench:
-        for i, (speed_m_s, pose) in enumerate(way()):
+        for i, (speed_m_s, pose) in enumerate(path()):
             if i * PERIOD_S > seconds:
                 break
             self.report(speed_m_s, pose, **options)
@@ -186,7 +186,7 @@ def test_walls_driven_along_are_dense_with_points(driven: Bench) -> None:
     assert np.diff(np.sort(outer[:, 0])).max() < 0.1
 
 
-def test_increments_join_up_and_a_correction_of_the_past_begins_anew(driven: Bench) -> None:
+def test_increments_join_up_and_a_correction_of_the_past_begins_again(driven: Bench) -> None:
     assert driven.maps[0].start == 0
     revisions = [update.revision for update in driven.maps]
     assert revisions == sorted(revisions)
@@ -199,18 +199,18 @@ def test_increments_join_up_and_a_correction_of_the_past_begins_anew(driven: Ben
     assert len(received) >= len(snapshot.points_m) > 100
 
 
-def test_map_goes_out_at_most_twice_a_second(driven: Bench) -> None:
+def test_map_is_published_at_most_twice_a_second(driven: Bench) -> None:
     sent_s = np.array([update.t_s for update in driven.maps])
     assert np.diff(sent_s).min() >= 1.0 / MAP_RATE_MAX_HZ - 1e-6
 
 
-def test_pose_comes_with_every_report_and_tells_the_yaw_it_belongs_to(driven: Bench) -> None:
+def test_pose_comes_with_every_report_and_holds_the_yaw_it_belongs_to(driven: Bench) -> None:
     assert len(driven.poses) >= len(driven.truth)
     assert driven.poses[-1].yaw_rad == pytest.approx(driven.yaw_rad)
 
 
 def test_grid_shows_the_hall_free_and_the_walls(driven: Bench) -> None:
-    update = driven.ear.latest(GRID)
+    update = driven.receiver.latest(GRID)
     assert update is not None
     cells = np.frombuffer(zlib.decompress(update.cells_zlib), np.uint8).reshape(update.rows, update.columns)
 
@@ -227,8 +227,8 @@ def test_grid_shows_the_hall_free_and_the_walls(driven: Bench) -> None:
     assert np.percentile(wall_distance_m(centres), 90) < 0.25
 
 
-def test_trajectory_follows_the_way(driven: Bench) -> None:
-    trajectory = driven.ear.latest(TRAJECTORY)
+def test_trajectory_follows_the_path(driven: Bench) -> None:
+    trajectory = driven.receiver.latest(TRAJECTORY)
     assert trajectory is not None
     assert trajectory.poses.shape == (len(trajectory.times_s), 3)
     assert (np.diff(trajectory.times_s) > 0).all()
@@ -249,7 +249,7 @@ def test_pose_turns_invalid_when_odometry_stops_and_comes_back() -> None:
     assert bench.statuses[-1].ready
 
 
-def test_unit_waits_for_odometry_and_says_so() -> None:
+def test_unit_waits_for_odometry_and_reports_it() -> None:
     bench = Bench()
     for _ in range(5):
         bench.step()
@@ -266,12 +266,12 @@ def test_status_comes_ten_times_a_second() -> None:
 
 def test_invalid_odometry_moves_nothing() -> None:
     bench = Bench().drive(seconds=3.0)
-    said = len(bench.poses)
+    published = len(bench.poses)
     newest = bench.bus.latest(ODOMETRY)
     assert newest is not None
     bench.bus.publish(ODOMETRY, replace(newest, t_s=bench.now_s, ticks_left=0, ticks_right=0, valid=False))
     bench.step()
-    assert len(bench.poses) == said
+    assert len(bench.poses) == published
 
 
 def test_same_messages_give_the_same_map_to_the_bit() -> None:

@@ -108,7 +108,7 @@ def test_frame_begins_at_the_first_report_whatever_ticks_and_yaw_are() -> None:
     assert_at(odometry.pose, 0.016, 0.0, 0.0, tolerance=1e-3)
 
 
-def test_uncertainty_grows_with_the_way() -> None:
+def test_uncertainty_grows_with_the_path() -> None:
     near, far = after(drive(10.0, 0.16)), after(drive(40.0, 0.16))
     assert 0.0 < near.covariance[0, 0] < far.covariance[0, 0]
 
@@ -171,4 +171,4 @@ def test_time_that_leaps_for_good_is_believed_in_the_end() -> None:
     found = OdometryFilter()
     found.update(replace(reports[0], t_s=5.0))
     assert [found.update(report) for report in reports[1:]][-1]
-    assert found.carried
+    assert found.kidnapped

@@ -11,7 +11,7 @@ import pytest
 
 from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M
 from common.geometry import Pose2, wrap_angle
-from onboard.mmu.front_end.range_features import Echo, Ray, Surroundings, pose_at
+from onboard.mmu.front_end.range_features import Echo, RangeFeatures, Ray, pose_at
 
 LEFT = radians(90.0)
 SPEED_M_S = 0.16
@@ -33,24 +33,24 @@ def plane(normal_rad: float, offset_m: float) -> RangeAt:
 def drive(
     ranges: dict[float, RangeAt], seconds: float = 15.0, speed_m_s: float = SPEED_M_S, heading_rad: float = 0.0
 ) -> tuple[list[Echo], list[Ray]]:
-    """Drive straight on with one sonar per bearing; everything that was placed on the way."""
-    surroundings = Surroundings(tuple(ranges))
+    """Drive straight on with one sonar per bearing; everything that was placed along the path."""
+    features = RangeFeatures(tuple(ranges))
     poses: list[tuple[float, Pose2]] = []
     echoes: list[Echo] = []
     rays: list[Ray] = []
     for i in range(round(seconds / PERIOD_S)):
         t = i * PERIOD_S
-        way_m = speed_m_s * t
-        poses.append((t, Pose2(way_m * cos(heading_rad), way_m * sin(heading_rad), heading_rad)))
-        heard = tuple(range_at(poses[-1][1]) for range_at in ranges.values())
-        new_echoes, new_rays = surroundings.add(t, poses[-60:], heard, (0.0,) * len(heard))
+        path_m = speed_m_s * t
+        poses.append((t, Pose2(path_m * cos(heading_rad), path_m * sin(heading_rad), heading_rad)))
+        ranges_m = tuple(range_at(poses[-1][1]) for range_at in ranges.values())
+        new_echoes, new_rays = features.add(t, poses[-60:], ranges_m, (0.0,) * len(ranges_m))
         echoes += new_echoes
         rays += new_rays
     return echoes, rays
 
 
 @pytest.mark.requirement("MMU_MR_03")
-def test_wall_beside_the_way_is_heard_square_to_it() -> None:
+def test_wall_beside_the_path_echoes_square_to_it() -> None:
     echoes, _ = drive({LEFT: plane(pi / 2, 1.21)})
     assert len(echoes) > 20
     for echo in echoes:
@@ -124,12 +124,12 @@ def test_a_standing_robot_places_no_echo() -> None:
 
 
 def test_an_hour_of_standing_takes_no_memory() -> None:
-    surroundings = Surroundings((LEFT,))
+    features = RangeFeatures((LEFT,))
     size = []
     for i in range(3000):
-        surroundings.add(i * PERIOD_S, [(i * PERIOD_S, Pose2(0.0, 0.0, 0.0))], (1.0,), (0.0,))
+        features.add(i * PERIOD_S, [(i * PERIOD_S, Pose2(0.0, 0.0, 0.0))], (1.0,), (0.0,))
         if i in (500, 2999):
-            size.append(len(pickle.dumps(surroundings)))
+            size.append(len(pickle.dumps(features)))
     assert size[1] < 1.5 * size[0]
 
 
@@ -154,12 +154,12 @@ def test_one_lost_echo_neither_ends_a_wall_nor_frees_it() -> None:
 
 
 def test_the_same_range_reported_twice_counts_once() -> None:
-    surroundings = Surroundings((LEFT,))
+    features = RangeFeatures((LEFT,))
     poses = [(0.0, Pose2(0.0, 0.0, 0.0)), (0.1, Pose2(0.02, 0.0, 0.0))]
     rays = [
         ray
         for t, age in ((0.0, 0.0), (0.1, 0.1), (0.2, 0.2), (0.3, 0.3))
-        for ray in surroundings.add(t, poses, (1.0,), (age,))[1]
+        for ray in features.add(t, poses, (1.0,), (age,))[1]
     ]
     assert rays == []
 

@@ -97,12 +97,12 @@ def test_the_other_side_of_a_wall_is_not_the_same_wall() -> None:
     assert register(points, normals, points, -normals, CENTRE, 0.0, 0.0) is None
 
 
-def test_a_repeating_pattern_has_a_rival_and_a_corner_has_none() -> None:
+def test_a_repeating_pattern_is_ambiguous_and_a_corner_is_not() -> None:
     niches = joined(*(wall((x, 1.0), (x, 1.8), (1.0, 0.0)) for x in np.arange(-5.0, 6.0, 1.0)))
     few = joined(*(wall((x, 1.0), (x, 1.8), (1.0, 0.0)) for x in np.arange(-2.0, 3.0, 1.0)))
     repeated = register(*few, *niches, np.zeros(2), 2.0, 0.05)
     alone = matched(Pose2(0.3, 0.2, 0.0), 2.0, 0.05)
     assert repeated is not None
     assert alone is not None
-    assert repeated.rival > 0.9
-    assert alone.rival < repeated.rival - 0.1
+    assert repeated.ambiguity > 0.9
+    assert alone.ambiguity < repeated.ambiguity - 0.1

@@ -1,4 +1,4 @@
-"""Whether a gyro leads odometry, found out by walls that seem to turn."""
+"""Sequential scan matching, and whether a gyro leads odometry, by walls that seem to turn."""
 
 from __future__ import annotations
 
@@ -9,45 +9,46 @@ import pytest
 
 from common.geometry import FloatArray, Pose2
 from onboard.mmu.back_end.back_end import BackEnd
-from onboard.mmu.back_end.heading_drift import bend
-from onboard.mmu.map.keyframes import Increment, KeyFrame
+from onboard.mmu.back_end.exchange import Increment
+from onboard.mmu.back_end.heading_drift import apparent_turn
+from onboard.mmu.map.keyframes import Keyframe
 
 RNG = np.random.default_rng(7)
 
 
 def beside_walls(turn_rad_per_m: float, noise_rad: float = radians(2.0)) -> tuple[FloatArray, FloatArray]:
-    """Ways and normals of echoes on two walls, a third crossing them, in a frame that turns as it goes."""
-    ways_m = np.sort(RNG.uniform(0.0, 5.0, 150))
+    """Paths and normals of echoes on two walls, a third crossing them, in a keyframe that turns as it goes."""
+    paths_m = np.sort(RNG.uniform(0.0, 5.0, 150))
     walls_rad = RNG.choice([pi / 2, -pi / 2, 0.1], 150)
-    return ways_m, walls_rad + turn_rad_per_m * ways_m + RNG.normal(0.0, noise_rad, 150)
+    return paths_m, walls_rad + turn_rad_per_m * paths_m + RNG.normal(0.0, noise_rad, 150)
 
 
 @pytest.mark.parametrize("turn_deg_per_m", [-3.0, 0.0, 2.0])
 def test_walls_that_seem_to_turn_are_measured(turn_deg_per_m: float) -> None:
-    measured = bend(*beside_walls(radians(turn_deg_per_m)))
+    measured = apparent_turn(*beside_walls(radians(turn_deg_per_m)))
     assert measured == pytest.approx(radians(turn_deg_per_m), abs=radians(0.3))
 
 
-def test_a_few_echoes_tell_nothing() -> None:
-    assert bend(np.linspace(0.0, 3.0, 12), np.full(12, 1.0)) is None
-    assert bend(np.zeros(0), np.zeros(0)) is None
+def test_a_few_echoes_measure_nothing() -> None:
+    assert apparent_turn(np.linspace(0.0, 3.0, 12), np.full(12, 1.0)) is None
+    assert apparent_turn(np.zeros(0), np.zeros(0)) is None
 
 
 def drive(turn_rad_per_m: float, length_m: float) -> list[Increment]:
     """Straight down a hall 2 m wide; odometry turns as it goes. One increment a metre."""
     increments = []
     for metre in range(round(length_m)):
-        frames, rows = [], []
+        keyframes, rows = [], []
         for k in range(2):
-            way_m = metre + 0.5 * k
-            turned_rad = turn_rad_per_m * way_m
+            path_m = metre + 0.5 * k
+            turned_rad = turn_rad_per_m * path_m
             steps = np.linspace(0.0, turned_rad, 50)
-            odom = Pose2(float(np.cos(steps).mean()) * way_m, float(np.sin(steps).mean()) * way_m, turned_rad)
-            frames.append(KeyFrame(3.0 * way_m, odom, way_m, way_m, turned_rad, 0.0))
+            odom = Pose2(float(np.cos(steps).mean()) * path_m, float(np.sin(steps).mean()) * path_m, turned_rad)
+            keyframes.append(Keyframe(3.0 * path_m, odom, path_m, path_m, turned_rad, 0.0))
             for x_m in np.arange(0.0, 0.5, 0.05):
                 for side in (1.0, -1.0):
-                    rows.append([2 * metre + k, way_m + x_m, x_m, side, side * pi / 2, 1.0])
-        increments.append(Increment(tuple(frames), np.array(rows), np.zeros((0, 6))))
+                    rows.append([2 * metre + k, path_m + x_m, x_m, side, side * pi / 2, 1.0])
+        increments.append(Increment(tuple(keyframes), np.array(rows), np.zeros((0, 6))))
     return increments
 
 

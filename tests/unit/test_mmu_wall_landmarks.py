@@ -56,10 +56,10 @@ NORMAL = pi / 2
 BEFORE = Line(np.array([0.0, 1.0]), NORMAL, 2.0)
 
 
-def test_a_wall_that_goes_on_is_the_same_by_the_direction_of_the_wall() -> None:
+def test_a_wall_that_continues_is_the_same_by_the_direction_of_the_wall() -> None:
     askew = Line(BEFORE.middle, NORMAL + radians(3.0), 2.0)  # a piece whose own direction is badly known
-    assert Line(np.array([5.0, 1.1]), NORMAL, 2.0).goes_on(askew, NORMAL, radians(1.2))
-    assert Line(np.array([5.0, 1.1]), NORMAL + radians(1.0), 2.0).goes_on(BEFORE, NORMAL, radians(1.2))
+    assert Line(np.array([5.0, 1.1]), NORMAL, 2.0).continues(askew, NORMAL, radians(1.2))
+    assert Line(np.array([5.0, 1.1]), NORMAL + radians(1.0), 2.0).continues(BEFORE, NORMAL, radians(1.2))
 
 
 @pytest.mark.parametrize(
@@ -72,13 +72,13 @@ def test_a_wall_that_goes_on_is_the_same_by_the_direction_of_the_wall() -> None:
     ],
 )
 def test_other_walls_are_not_the_same(middle: tuple[float, float], normal_rad: float) -> None:
-    assert not Line(np.array(middle), normal_rad, 2.0).goes_on(BEFORE, NORMAL, radians(1.2))
+    assert not Line(np.array(middle), normal_rad, 2.0).continues(BEFORE, NORMAL, radians(1.2))
 
 
 def test_a_piece_moves_with_its_key_frame() -> None:
     line = Line(np.array([1.0, 2.0]), pi / 2, 2.0)
-    moved = WallPiece.of(line, node=3, pose=Pose2(0.0, 0.0, 0.0), way_m=7.0).in_map(Pose2(10.0, 20.0, pi / 2))
+    moved = WallPiece.of(line, node=3, pose=Pose2(0.0, 0.0, 0.0), path_m=7.0).in_map(Pose2(10.0, 20.0, pi / 2))
     assert moved.middle == pytest.approx([8.0, 21.0])
     assert abs(moved.normal_rad) == pytest.approx(pi)
-    again = WallPiece.of(moved, node=3, pose=Pose2(10.0, 20.0, pi / 2), way_m=7.0)
+    again = WallPiece.of(moved, node=3, pose=Pose2(10.0, 20.0, pi / 2), path_m=7.0)
     assert (again.x_m, again.y_m, again.normal_rad) == pytest.approx((1.0, 2.0, pi / 2))

@@ -12,10 +12,10 @@ from onboard.mmu.front_end.wheel_slip import SLIP_MIN_M_PER_SQRT_M, WheelSlip
 TRACK_M, STEP_M = 0.23, 0.016
 
 
-def drive(slip: WheelSlip, way_m: float, wheel_m_per_sqrt_m: float, left_longer: float = 0.0, seed: int = 0) -> None:
+def drive(slip: WheelSlip, path_m: float, wheel_m_per_sqrt_m: float, left_longer: float = 0.0, seed: int = 0) -> None:
     """Straight, over a sill of 3 degrees every 30 m, which the gyro feels and the wheels do not."""
     rng = np.random.default_rng(seed)
-    for i in range(round(way_m / STEP_M)):
+    for i in range(round(path_m / STEP_M)):
         left_m, right_m = STEP_M + rng.normal(0.0, wheel_m_per_sqrt_m * sqrt(STEP_M), 2)
         gyro_rad = radians(3.0) if i % round(30.0 / STEP_M) == 100 else 0.0
         slip.drive(left_m * (1.0 + left_longer), right_m, gyro_rad)

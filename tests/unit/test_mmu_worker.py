@@ -11,21 +11,22 @@ import pytest
 
 from common.geometry import Pose2
 from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.back_end.worker import ProcessWorker
-from onboard.mmu.map.keyframes import Correction, Increment, KeyFrame, LastSeen
+from onboard.mmu.map.keyframes import Keyframe, LastSeen
 from onboard.mmu.map.map_file import SavedMap, load_map, save_map
 
 DEADLINE_S = 20.0
 
 
 def increment(start: int = 0, count: int = 5) -> Increment:
-    frames = tuple(
-        KeyFrame(i * 2.0, Pose2(0.4 * i, 0.0, 0.0), 0.4 * i, 0.4 * i, 0.0, 0.0) for i in range(start, start + count)
+    keyframes = tuple(
+        Keyframe(i * 2.0, Pose2(0.4 * i, 0.0, 0.0), 0.4 * i, 0.4 * i, 0.0, 0.0) for i in range(start, start + count)
     )
     echoes = np.array(
         [[i, 0.4 * i, 0.1 * k, 1.0, radians(90.0), 1.0] for i in range(start, start + count) for k in range(4)]
     )
-    return Increment(frames, echoes, np.zeros((0, 6)), LastSeen(7, Pose2(1.0, 2.0, 0.1), Pose2(1.6, 0.0, 0.0)))
+    return Increment(keyframes, echoes, np.zeros((0, 6)), LastSeen(7, Pose2(1.0, 2.0, 0.1), Pose2(1.6, 0.0, 0.0)))
 
 
 def test_the_answer_of_a_deferred_worker_comes_after_a_fixed_time() -> None:
@@ -94,9 +95,9 @@ def test_a_saved_map_comes_back(tmp_path: Path) -> None:
     assert saved.last.session == 3
     assert saved.last.board.as_array() == pytest.approx(last.board.as_array())
     assert saved.last.pose.as_array() == pytest.approx(last.pose.as_array())
-    frames = saved.frames()
-    assert frames[1].odom.heading_rad == pytest.approx(0.2)
-    assert frames[1].travel_m == pytest.approx(np.hypot(0.4, 0.1))
+    keyframes = saved.keyframes()
+    assert keyframes[1].odom.heading_rad == pytest.approx(0.2)
+    assert keyframes[1].travel_m == pytest.approx(np.hypot(0.4, 0.1))
 
 
 @pytest.mark.parametrize("content", [b"", b"no map", None])

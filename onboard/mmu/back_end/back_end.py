@@ -1,77 +1,111 @@
-"""The back end: key frames and echoes in, corrected poses of all of them out. Runs beside the mapping unit's steps.
+"""The back end: keyframes and echoes in, corrected poses of all of them out. Runs beside the mapping unit's steps.
 
-1. Odometry joins the key frames in the pose graph (`keyframe_graph`).
-2. Ties are looked for: `sequential_matching`, `wall_factors`, `loop_closure`.
-3. The graph comes to rest when it gained a tie that pulls.
+1. Odometry joins the keyframes in the pose graph (`keyframe_graph`).
+2. Constraints are searched for: `sequential_matching`, `wall_association`, `walls_ahead`, `loop_closure`.
+3. The graph is optimised when it gained a constraint that pulls.
 """
 
 from __future__ import annotations
 
-from onboard.mmu.back_end.factors import Kind
-from onboard.mmu.back_end.keyframe_graph import Trail
-from onboard.mmu.back_end.loop_closure import LoopTies
-from onboard.mmu.back_end.odometry_noise import GYRO_LED, UNKNOWN
-from onboard.mmu.back_end.pose_graph import TURN
-from onboard.mmu.back_end.sequential_matching import NearTies
-from onboard.mmu.back_end.wall_factors import WallTies
-from onboard.mmu.map.keyframes import Correction, FrameStore, Increment
+from math import degrees
 
-MATCH_EVERY_M = 1.0
-STRAIN_MAX = 0.5  # a new tie that pulls less (chi squared) can wait
-ADOPTED_CHI2 = 12.0  # a closure that the graph at rest pulls at more was not believed
+from onboard.mmu.back_end.exchange import Correction, Increment
+from onboard.mmu.back_end.keyframe_graph import KeyframeGraph
+from onboard.mmu.back_end.loop_closure import LoopClosure
+from onboard.mmu.back_end.odometry_noise import GYRO_LED, UNKNOWN
+from onboard.mmu.back_end.pose_graph import Mark
+from onboard.mmu.back_end.sequential_matching import SequentialMatching
+from onboard.mmu.back_end.wall_association import WallAssociation
+from onboard.mmu.back_end.walls_ahead import WallsAhead
+from onboard.mmu.map.keyframes import ObservationStore
+
+MATCH_EVERY_M = 1.0  # of path
+CHI2_MAX = 0.5  # new constraints whose chi-squared is smaller need no optimisation yet
+CALIBRATION_LOG_M = 10.0  # of path between two lines about the calibration
 
 
 class BackEnd:
     """`gyro_led` false: it is not known whether a gyro leads odometry's heading, and found out from the walls."""
 
     def __init__(self, gyro_led: bool = True) -> None:
-        self._trail = Trail(GYRO_LED if gyro_led else UNKNOWN)
-        self._near = None if gyro_led else NearTies(self._trail)
-        self._walls, self._loops = WallTies(self._trail), LoopTies(self._trail)
+        self._keyframes = KeyframeGraph(GYRO_LED if gyro_led else UNKNOWN)
+        self._sequential = None if gyro_led else SequentialMatching(self._keyframes)
+        self._loop_closure = LoopClosure(self._keyframes)
         self._matched_m = 0.0
+        self._logged_m = 0.0
+        self._begin_walls()
+
+    def _begin_walls(self) -> None:
+        self._walls = WallAssociation(self._keyframes)
+        self._walls_ahead = WallsAhead(self._keyframes, self._walls)
 
     @property
-    def echoes(self) -> FrameStore:
+    def echoes(self) -> ObservationStore:
         """All that were taken in."""
-        return self._trail.echoes
+        return self._keyframes.echoes
 
     def take(self, increment: Increment) -> Correction:
         """One round of work on what is new."""
-        trail = self._trail
-        for frame in increment.frames:
-            trail.add_frame(frame, increment.known)
-        trail.echoes.append(increment.echoes)
-        if increment.known:
-            self._matched_m = trail.tied_m = trail.way_m
-        elif trail.frames:
-            self._tie(increment)
-        slow = trail.graph.slow
-        drift = float(slow[-1]), float(slow[TURN])
-        return Correction(trail.graph.poses, drift, self._loops.closures, trail.tied_m)
+        keyframes = self._keyframes
+        log_lines: list[str] = []
+        for keyframe in increment.keyframes:
+            keyframes.add(keyframe, increment.prior_map)
+        keyframes.echoes.append(increment.echoes)
+        if increment.prior_map:
+            self._matched_m = keyframes.closure_path_m = keyframes.path_m
+        elif len(keyframes):
+            log_lines += self._constrain(increment)
+        graph = keyframes.graph
+        return Correction(
+            graph.poses,
+            float(graph.calibration.drift_rad_per_m[-1]),
+            graph.calibration.turn_scale_error,
+            self._loop_closure.count,
+            keyframes.closure_path_m,
+            log_lines=tuple(log_lines),
+        )
 
-    def _tie(self, increment: Increment) -> None:
-        """Look for ties of what is new to what is known, and let the graph come to rest."""
-        if self._near is not None and self._near.judge_odometry():
-            self._walls = WallTies(self._trail)
-        before = len(self._trail.graph.edges)
-        self._walls.look_ahead(increment.approaches)
-        if self._near is not None:
-            self._near.look()
-        before = self._rest(before)
-        if self._trail.way_m - self._matched_m >= MATCH_EVERY_M:
-            self._matched_m = self._trail.way_m
-            self._walls.look_beside()
-            self._loops.look()
-            self._rest(before)
+    def _constrain(self, increment: Increment) -> list[str]:
+        """Search for constraints between what is new and what is known, and optimise the graph; lines for the log."""
+        lines: list[str] = []
+        if self._sequential is not None and self._sequential.judge_odometry():
+            self._begin_walls()
+            lines.append("odometry distrusted: walls turn as the robot drives along them, so no gyro leads the heading")
+        mark = self._keyframes.graph.mark()
+        self._walls_ahead.observe(increment.ranges_to_wall)
+        if self._sequential is not None:
+            self._sequential.match_newest()
+        self._settle(mark)
+        if self._keyframes.path_m - self._matched_m >= MATCH_EVERY_M:
+            self._matched_m = self._keyframes.path_m
+            mark = self._keyframes.graph.mark()
+            self._observe_walls()
+            self._loop_closure.search()
+            self._settle(mark)
+            if self._loop_closure.adopt():
+                self._keyframes.closure_path_m = self._keyframes.path_m
+        return [*lines, *self._loop_closure.take_log(), *self._calibration_line()]
 
-    def _rest(self, before: int) -> int:
-        """Once all edges from the `before`-th on are in; returns how many edges there are."""
-        graph = self._trail.graph
-        strain = graph.strain(before)
-        if strain.max(initial=0.0) > STRAIN_MAX:
-            graph.optimise(before)
-            strain = graph.strain(before)
-        loops = graph.edges.of_kind(Kind.LOOP)[before:]
-        if (strain[loops] < ADOPTED_CHI2).any():
-            self._trail.tied_m = self._trail.way_m
-        return len(graph.edges)
+    def _observe_walls(self) -> None:
+        self._walls_ahead.forget_old()
+        for piece in self._walls.observe():
+            self._walls_ahead.meet(piece)
+
+    def _settle(self, since: Mark) -> None:
+        """Optimise where one of the constraints newer than `since` pulls."""
+        if self._keyframes.graph.worst_chi2(since) > CHI2_MAX:
+            self._keyframes.graph.optimise(since)
+
+    def _calibration_line(self) -> list[str]:
+        """What odometry's systematic errors are estimated to be, every few metres of path."""
+        keyframes, calibration = self._keyframes, self._keyframes.graph.calibration
+        if keyframes.path_m - self._logged_m < CALIBRATION_LOG_M:
+            return []
+        self._logged_m = keyframes.path_m
+        return [
+            f"calibration path_m={keyframes.path_m:.0f} wheel_scale_error={calibration.wheel_scale_error:+.4f}"
+            f" turn_scale_error={calibration.turn_scale_error:+.4f}"
+            f" drift_deg_per_m={degrees(calibration.drift_rad_per_m[-1]):+.4f}"
+            f" right_angles={'yes' if self._walls.square else 'no'}"
+            f" direction_deg={degrees(calibration.right_angles_rad):+.2f}"
+        ]

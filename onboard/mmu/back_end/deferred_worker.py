@@ -1,23 +1,23 @@
 """The back end in this very process, for lockstep and replay.
 
-Its answer comes after a fixed time of the messages' clock, whatever the machine, so that a run repeats to the bit.
+Its correction comes after a fixed time of the messages' clock on any machine, so that a run repeats to the bit.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from onboard.mmu.back_end.map_builder import Rounds
-from onboard.mmu.map.keyframes import Correction, Increment
+from onboard.mmu.back_end.exchange import Correction, Increment
+from onboard.mmu.back_end.map_builder import MapBuilder
 
 LATENCY_S = 0.4
 
 
 class DeferredWorker:
-    """`work` does what is due; whoever drives the steps may call it between them, else `collect` does."""
+    """`work` does what is due. The driver of the steps may call it between them; otherwise `collect` does."""
 
     def __init__(self, map_file: Path | None = None, latency_s: float = LATENCY_S, gyro_led: bool = True) -> None:
-        self._rounds = Rounds(map_file, gyro_led)
+        self._builder = MapBuilder(map_file, gyro_led)
         self._latency_s = latency_s
         self._increment: Increment | None = None
         self._correction: Correction | None = None
@@ -32,8 +32,8 @@ class DeferredWorker:
 
     def work(self) -> None:
         if self._increment is not None:
-            self._correction = self._rounds.take(self._increment)
-            self._rounds.save()
+            self._correction = self._builder.take(self._increment)
+            self._builder.save()
             self._increment = None
 
     def collect(self, now_s: float) -> Correction | None:

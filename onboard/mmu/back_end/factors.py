@@ -1,90 +1,83 @@
-"""Edges of the pose graph: what odometry and matches say of the relative pose of two key frames."""
+"""What every factor of the pose graph is: an error of some states, its Jacobian, its information and its loss.
+
+Factors of one class lie together in arrays, F of them with D errors and C states each, so that a thousand cost little
+more than one. `pose_factors`, `wall_factors` and `calibration_priors` have the classes; `gauss_newton` adds them up.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from enum import Enum
-from typing import Any
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from common.geometry import FloatArray, Pose2
+from common.geometry import FloatArray
+from onboard.mmu.back_end.robust_loss import Loss
+from onboard.mmu.back_end.states import Columns, Layout, States
 from onboard.mmu.map.growing_rows import GrowingRows
 
 
-class Kind(Enum):
-    """Where an edge comes from: what may be wrong with it."""
+class FactorGroup(ABC):
+    """All factors of one class."""
 
-    ODOMETRY = 0
-    NEAR = 1  # walls seen a little earlier on the way
-    LOOP = 2  # a place visited before
-    BEARING = 3  # a piece of a wall, whose direction is a value of its own
-    UPRIGHT = 4  # a wall that stands at right angles to the others
-    APPROACH = 5  # a wall ahead that came nearer
+    loss: ClassVar[Loss]
 
+    @abstractmethod
+    def error(self, states: States) -> FloatArray:
+        """(F, D): what the factors measured, and how far the states are off it."""
 
-@dataclass(frozen=True, slots=True)
-class Edge:
-    """Pose of node `second` as seen from node `first`, with its information matrix (3, 3).
+    @abstractmethod
+    def jacobian(self, states: States) -> FloatArray:
+        """(F, D, C): derivatives of the error by the states in `columns`."""
 
-    Of a BEARING, `relative` turns the wall's direction into the heading of `second`; of an UPRIGHT, both of whose nodes
-    are 0, the direction of the right angles into the wall's.
-    `way_m` and `turn_rad` are what odometry drove in between, for its slow errors; zero for every other kind.
-    """
+    @abstractmethod
+    def columns(self, layout: Layout) -> Columns:
+        """(F, C): which states the error depends on."""
 
-    first: int
-    second: int
-    relative: Pose2
-    information: FloatArray
-    kind: Kind
-    way_m: float = 0.0
-    turn_rad: float = 0.0
-    slot: int = 0  # which of the values per metre (odometry) or of the walls' directions holds here
+    @property
+    @abstractmethod
+    def information(self) -> FloatArray:
+        """(F, D, D): inverse covariance of the error."""
+
+    def chi2(self, states: States) -> FloatArray:
+        """(F,): squared Mahalanobis distance of each factor."""
+        return chi_squared(self.error(states), self.information)
 
 
-_ROW = np.dtype(
-    [
-        ("first", np.int32),
-        ("second", np.int32),
-        ("relative", np.float64, 3),
-        ("information", np.float64, (3, 3)),
-        ("kind", np.int8),
-        ("way_m", np.float64),
-        ("turn_rad", np.float64),
-        ("slot", np.int32),
-    ],
-    align=True,
-)
+class StoredFactors(FactorGroup):
+    """Factors that are added one by one, as rows of the type ROW, which has a field `information`."""
 
+    ROW: ClassVar[np.dtype[Any]]
 
-class EdgeStore:
-    """All edges, in the order in which they were found."""
-
-    def __init__(self, edges: Iterable[Edge] = ()) -> None:
-        self._kept = GrowingRows(_ROW)
-        for edge in edges:
-            self.append(edge)
+    def __init__(self) -> None:
+        self._kept = GrowingRows(self.ROW)
 
     def __len__(self) -> int:
         return len(self._kept)
 
-    def append(self, edge: Edge) -> None:
-        relative, kind = edge.relative.as_array(), edge.kind.value
-        row = edge.first, edge.second, relative, edge.information, kind, edge.way_m, edge.turn_rad, edge.slot
-        self._kept.append(np.array([row], _ROW))
-
     @property
     def rows(self) -> npt.NDArray[Any]:
-        """(E,), its fields named as those of `Edge`; `kind` holds the value."""
+        """(F,) in the order in which they were added."""
         return self._kept.rows
 
-    def of_kind(self, kind: Kind) -> npt.NDArray[np.bool_]:
-        """(E,) which edges are."""
-        mask: npt.NDArray[np.bool_] = self.rows["kind"] == kind.value
-        return mask
+    @property
+    def information(self) -> FloatArray:
+        information: FloatArray = self.rows["information"]
+        return information
 
-    def keep(self, mask: npt.NDArray[np.bool_]) -> None:
-        """Only those (E,)."""
-        self._kept.replace(self.rows[mask])
+    def chi2_since(self, states: States, start: int) -> FloatArray:
+        """(F,) of those from the `start`-th on."""
+        newest = type(self)()
+        newest._kept = GrowingRows(self.ROW, capacity=0)
+        newest._kept.append(self.rows[start:])
+        return newest.chi2(states)
+
+    def _append(self, *row: object) -> None:
+        self._kept.append(np.array([row], self.ROW))
+
+
+def chi_squared(error: FloatArray, information: FloatArray) -> FloatArray:
+    """(F,) of errors (F, D) with information (F, D, D)."""
+    chi2: FloatArray = np.einsum("fi,fij,fj->f", error, information, error)
+    return chi2

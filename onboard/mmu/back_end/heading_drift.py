@@ -1,7 +1,7 @@
-"""Do walls seem to turn as the robot drives along them? Then it is odometry that turns, and no gyro leads it.
+"""Heading drift shown by walls: do they seem to turn as the robot drives along them? Then it is odometry that turns.
 
-The direction in which one thing is heard stays while a robot drives past straight walls, whatever their directions
-are. Corners and door jambs turn, but those on the left against those on the right.
+The direction in which one thing echoes stays while a robot drives past straight walls, whatever their directions are.
+Corners and door jambs turn, but those on the left against those on the right.
 """
 
 from __future__ import annotations
@@ -12,21 +12,22 @@ import numpy as np
 
 from common.geometry import FloatArray, wrap_angles
 
+# The sensitivity to these was not measured
 APART_MIN_M = 0.3
 SAME_WALL_RAD = radians(25.0)  # what differs by more was another wall
 ECHOES_MAX = 200
 PAIRS_MIN = 300
 
 
-def bend(ways_m: FloatArray, normals_rad: FloatArray) -> float | None:
-    """By how much walls turn per metre (rad/m), by the normals (N,) of echoes that were heard at `ways_m` (N,).
+def apparent_turn(paths_m: FloatArray, normals_rad: FloatArray) -> float | None:
+    """By how much walls seem to turn per metre (rad/m), from the normals (N,) of echoes received at `paths_m` (N,).
 
     Least squares over all pairs that may be of one wall; None where there are too few. To be given a few metres.
     """
-    stride = max(1, -(-len(ways_m) // ECHOES_MAX))
-    ways_m, normals_rad = ways_m[::stride], normals_rad[::stride]
-    first, second = np.triu_indices(len(ways_m), 1)
-    apart_m = ways_m[second] - ways_m[first]
+    stride = max(1, -(-len(paths_m) // ECHOES_MAX))
+    paths_m, normals_rad = paths_m[::stride], normals_rad[::stride]
+    first, second = np.triu_indices(len(paths_m), 1)
+    apart_m = paths_m[second] - paths_m[first]
     turned_rad = wrap_angles(normals_rad[second] - normals_rad[first])
     pairs = (apart_m > APART_MIN_M) & (np.abs(turned_rad) < SAME_WALL_RAD)
     if pairs.sum() < PAIRS_MIN:

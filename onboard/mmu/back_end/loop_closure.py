@@ -1,4 +1,8 @@
-"""Ties to places visited before: what was driven lately is matched against what was driven here then."""
+"""Loop closure: what was driven lately is matched against what was driven at the same place before.
+
+Every loop closure that is tried passes its gates here or is rejected: first those of the scan match, then, once the
+graph has settled with it, that of its chi-squared. `take_log` reports each with its figures.
+"""
 
 from __future__ import annotations
 
@@ -8,65 +12,125 @@ from math import radians
 import numpy as np
 
 from common.geometry import FloatArray
-from onboard.mmu.back_end.factors import Kind
-from onboard.mmu.back_end.keyframe_graph import Trail
+from onboard.mmu.back_end.keyframe_graph import KeyframeGraph
+from onboard.mmu.front_end.scan_matching import Match
 
-RECENT_M = 5.0  # of way that is matched as one
-LOOP_GAP_M = 12.0  # of way before a place counts as visited before
-LOOP_REACH_M = 3.0
-LOOP_RIVAL_MAX = 0.9
-LOOP_SPAN_M = 7.0
-LOOP_OVERLAP_MIN = 0.55
-LOOP_RMS_MAX_M = 0.07
-LOOP_POINTS_MIN = 25
-LOOP_SD_M = 0.07
-LOOP_SD_RAD = radians(0.6)
+# Where a loop closure is tried. The sensitivity to these lengths was not measured
+RECENT_M = 5.0  # of path that is matched as one
+GAP_M = 12.0  # of path before a place counts as visited before
+REACH_M = 3.0
+SPAN_M = 7.0  # of the earlier path, before and after the place
 PASSES_MAX = 2
 
+# Gates. Tuned on recorded robots (range logs); how the share of wrong closures depends on each value was not measured
+OVERLAP_MIN = 0.55
+RMS_MAX_M = 0.07
+POINTS_MIN = 25
+AMBIGUITY_MAX = 0.9  # score of the second-best place over that of the best
+ADOPTED_CHI2_MAX = 12.0  # at rest; a larger one means that the graph does not agree. (99.3 % of right ones, 3 dof)
 
-@dataclass(slots=True)
-class LoopTies:
-    _trail: Trail
-    closures: int = 0
+# A match is trusted no further than the sonars' systematic errors
+MATCH_SD_M = 0.07
+MATCH_SD_RAD = radians(0.6)
 
-    def look(self) -> None:
-        """The oldest passes of this place first."""
-        rows = self._trail.echoes.stretch(self._trail.way_m - RECENT_M)
-        if len(rows) < LOOP_POINTS_MIN:
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """A loop closure that was tried between the nodes `anchor` and `node`."""
+
+    anchor: int
+    node: int
+    points: int  # that were matched
+    match: Match | None
+
+    @property
+    def failed_gate(self) -> str | None:
+        """The first gate of the scan match that it does not pass; None where it passes all."""
+        match = self.match
+        if match is None:
+            return "no match"
+        gates = {
+            "overlap": match.overlap < OVERLAP_MIN,
+            "rms": match.rms_m > RMS_MAX_M,
+            "points": match.overlap * self.points < POINTS_MIN,
+            "ambiguous": match.ambiguity > AMBIGUITY_MAX,
+        }
+        return next((name for name, failed in gates.items() if failed), None)
+
+    def line(self, verdict: str, chi2: float | None = None) -> str:
+        """For the log: each figure beside its gate."""
+        text = f"loop closure {verdict} anchor={self.anchor} node={self.node}"
+        if self.match is not None:
+            text += (
+                f" overlap={self.match.overlap:.2f} (min {OVERLAP_MIN:g})"
+                f" rms_m={self.match.rms_m:.3f} (max {RMS_MAX_M:g})"
+                f" points={self.match.overlap * self.points:.0f} (min {POINTS_MIN})"
+                f" ambiguity={self.match.ambiguity:.2f} (max {AMBIGUITY_MAX:g})"
+            )
+        return text if chi2 is None else f"{text} chi2={chi2:.1f} (max {ADOPTED_CHI2_MAX:g})"
+
+
+class LoopClosure:
+    """`search` adds loop closures to the graph; `adopt`, once the graph has settled, judges those that were added."""
+
+    def __init__(self, keyframes: KeyframeGraph) -> None:
+        self.count = 0  # of those that were added
+        self._keyframes = keyframes
+        self._added: list[Attempt] = []  # and not judged yet
+        self._log: list[str] = []  # two lines at most for each search
+
+    def search(self) -> None:
+        """Tries the earlier passes of this place, the oldest ones first."""
+        keyframes = self._keyframes
+        rows = keyframes.echoes.stretch(keyframes.path_m - RECENT_M)
+        if len(rows) < POINTS_MIN:
             return
-        poses = self._trail.graph.poses
+        poses = keyframes.graph.poses
         here = poses[-1]
-        ways = np.array(self._trail.ways_m)
-        old = ways < self._trail.way_m - RECENT_M - LOOP_GAP_M
-        near = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
-        near[~old] = np.inf
+        paths_m = np.array(keyframes.paths_m)
+        old = paths_m < keyframes.path_m - RECENT_M - GAP_M
+        near_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
+        near_m[~old] = np.inf
         mine = int(np.median(rows[:, 0]))
-        reach_m = LOOP_REACH_M + self._trail.errors.search_window(self._trail.way_m - self._trail.tied_m)[0]
+        reach_m = REACH_M + keyframes.noise.search_window(keyframes.without_closure_m)[0]
         for _ in range(PASSES_MAX):
-            reachable = np.flatnonzero(near < reach_m)
+            reachable = np.flatnonzero(near_m < reach_m)
             if not len(reachable):
                 return
-            first = ways[reachable[0]]
-            of_pass = reachable[ways[reachable] < first + 2 * LOOP_REACH_M]
-            self._match_pass(int(of_pass[near[of_pass].argmin()]), mine, rows)
-            near[ways < first + 2 * LOOP_SPAN_M] = np.inf
+            first_m = paths_m[reachable[0]]
+            of_pass = reachable[paths_m[reachable] < first_m + 2 * REACH_M]
+            self._try_pass(int(of_pass[near_m[of_pass].argmin()]), mine, rows)
+            near_m[paths_m < first_m + 2 * SPAN_M] = np.inf
 
-    def _match_pass(self, node: int, mine: int, recent: FloatArray) -> None:
-        way_m = self._trail.ways_m[node]
-        end_m = min(way_m + LOOP_SPAN_M, self._trail.way_m - RECENT_M - 2.0)
-        rows = self._trail.echoes.stretch(way_m - LOOP_SPAN_M, end_m)
-        if len(rows) < LOOP_POINTS_MIN:
+    def adopt(self) -> bool:
+        """Judges the loop closures added since the last call; true where the settled graph agrees with one of them."""
+        factors = self._keyframes.graph.loop_closures
+        chi2 = factors.chi2_since(self._keyframes.graph.states, len(factors) - len(self._added)).tolist()
+        adopted = [own < ADOPTED_CHI2_MAX for own in chi2]
+        for attempt, own, good in zip(self._added, chi2, adopted, strict=True):
+            self._log.append(attempt.line("adopted" if good else "rejected: chi2", own))
+        self._added = []
+        return any(adopted)
+
+    def take_log(self) -> tuple[str, ...]:
+        """A line for each loop closure that was tried since the last call."""
+        lines, self._log = tuple(self._log), []
+        return lines
+
+    def _try_pass(self, anchor: int, node: int, recent: FloatArray) -> None:
+        keyframes = self._keyframes
+        path_m = keyframes.paths_m[anchor]
+        end_m = min(path_m + SPAN_M, keyframes.path_m - RECENT_M - 2.0)
+        rows = keyframes.echoes.stretch(path_m - SPAN_M, end_m)
+        if len(rows) < POINTS_MIN:
             return
-        since_m = self._trail.way_m - self._trail.tied_m
-        search_m, search_rad = self._trail.errors.search_window(since_m)
-        match = self._trail.register(recent, rows, mine, search_m, search_rad)
-        if (
-            match is None
-            or match.overlap < LOOP_OVERLAP_MIN
-            or match.rms_m > LOOP_RMS_MAX_M
-            or match.overlap * len(recent) < LOOP_POINTS_MIN
-            or match.rival > LOOP_RIVAL_MAX
-        ):
+        search_m, search_rad = keyframes.noise.search_window(keyframes.without_closure_m)
+        match = keyframes.register(recent, rows, node, search_m, search_rad)
+        attempt = Attempt(anchor, node, len(recent), match)
+        failed = attempt.failed_gate
+        if match is None or failed is not None:
+            self._log.append(attempt.line(f"rejected: {failed}"))
             return
-        self.closures += 1
-        self._trail.graph.edges.append(self._trail.tie(node, mine, match, Kind.LOOP, LOOP_SD_M, LOOP_SD_RAD))
+        self.count += 1
+        self._added.append(attempt)
+        keyframes.add_match(keyframes.graph.loop_closures, anchor, node, match, MATCH_SD_M, MATCH_SD_RAD)

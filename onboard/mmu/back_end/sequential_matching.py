@@ -1,7 +1,7 @@
-"""Ties of the newest stretch to what was seen a moment ago, where no gyro leads the heading.
+"""Sequential scan matching: constraints of the newest stretch to what was observed a moment ago, without a gyro.
 
-1. Do walls seem to turn as the robot drives along them? Then odometry turns: that tells whether a gyro leads it, and
-   by how much it turns if none does.
+1. Do walls seem to turn as the robot drives along them? Then odometry turns: that shows whether a gyro leads it, and by
+   how much it turns if none does.
 2. Where none does, the newest stretch is registered onto the one before it.
 """
 
@@ -13,80 +13,91 @@ from math import radians
 
 import numpy as np
 
-from common.geometry import Pose2, wrap_angle
-from onboard.mmu.back_end.factors import Edge, Kind
-from onboard.mmu.back_end.heading_drift import bend
-from onboard.mmu.back_end.keyframe_graph import Trail
+from common.geometry import wrap_angle
+from onboard.mmu.back_end.heading_drift import apparent_turn
+from onboard.mmu.back_end.keyframe_graph import KeyframeGraph
 from onboard.mmu.back_end.odometry_noise import WHEELS_ALONE
 
-BEND_WAY_M = 5.0
-BENDS_KEPT = 16
-BENDS_MIN = 2
-BEND_SD_RAD_PER_M = radians(1.0)  # of one: niches and corners turn
-BEND_SIGMAS = 4.0  # walls that together turn by so much: no gyro leads odometry
-NEAR_M = 1.5  # of way: the stretch that is registered onto what came before
-NEAR_GAP_M = 0.3
-NEAR_REACH_M = 12.0
-NEAR_POINTS_MIN = 10
-NEAR_OVERLAP_MIN = 0.3
-NEAR_RMS_MAX_M = 0.07
-NEAR_SD_M = 0.05  # neighbouring stretches overlap and say the same
-NEAR_SD_RAD = radians(2.0)
+# Tuned on recorded robots (range logs), some of whose wheels lead the heading alone. The sensitivity was not measured
+TURN_PATH_M = 5.0  # over which the apparent turn of walls is measured
+TURNS_KEPT = 16
+TURNS_MIN = 2
+TURN_SD_RAD_PER_M = radians(1.0)  # of one measurement: niches and corners turn
+TURN_SIGMAS = 4.0  # walls that together seem to turn by this much: no gyro leads odometry
+STRETCH_M = 1.5  # of path that is registered onto what came before
+GAP_M = 0.3
+REACH_M = 12.0
+POINTS_MIN = 10
+OVERLAP_MIN = 0.3
+RMS_MAX_M = 0.07
+MATCH_SD_M = 0.05  # neighbouring stretches overlap and measure the same twice
+MATCH_SD_RAD = radians(2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class HeadingChange:
+    """Between two nodes the robot turned by `turn_rad`, as the walls show it."""
+
+    first: int
+    second: int
+    turn_rad: float
+    sd_rad: float
 
 
 @dataclass(slots=True)
-class NearTies:
-    _trail: Trail
-    _bends: deque[float] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # of walls, rad/m
-    _bent_m: float = 0.0
-    _waiting: deque[Edge] = field(default_factory=lambda: deque(maxlen=BENDS_KEPT))  # for a verdict on odometry
+class SequentialMatching:
+    _keyframes: KeyframeGraph
+    _turns: deque[float] = field(default_factory=lambda: deque(maxlen=TURNS_KEPT))  # of walls, rad/m
+    _measured_m: float = 0.0  # path up to which the turn of walls was measured
+    # Until it is known whether a gyro leads odometry
+    _waiting: deque[HeadingChange] = field(default_factory=lambda: deque(maxlen=TURNS_KEPT))
 
-    def look(self) -> None:
-        """The newest stretch onto the one before it, where no gyro leads odometry."""
-        if self._trail.errors is WHEELS_ALONE:
+    def match_newest(self) -> None:
+        """Registers the newest stretch onto the one before it, where no gyro leads odometry."""
+        if self._keyframes.noise is WHEELS_ALONE:
             while self._waiting:
-                self._trail.graph.edges.append(self._waiting.popleft())
-            self._tie_newest()
+                change = self._waiting.popleft()
+                self._keyframes.graph.heading_changes.add(change.first, change.second, change.turn_rad, change.sd_rad)
+            self._register_newest()
 
     def judge_odometry(self) -> bool:
-        """The newest stretch turned as the walls beside it seem to, the other way round.
+        """Measures the newest turn: the robot turned as the walls beside it seem to, the other way round.
 
-        True where that told that no gyro leads odometry.
+        True where that showed that no gyro leads odometry.
         """
-        if self._trail.way_m - self._bent_m < BEND_WAY_M:
+        keyframes = self._keyframes
+        if keyframes.path_m - self._measured_m < TURN_PATH_M:
             return False
-        rows = self._trail.echoes.stretch(self._bent_m, self._trail.way_m)
-        first = int(np.searchsorted(self._trail.ways_m, self._bent_m))
-        node, self._bent_m = len(self._trail.frames) - 1, self._trail.way_m
-        raw_rad = np.array([f.odom.heading_rad - f.calibrated_rad for f in self._trail.frames])
-        bend_rad_per_m = bend(rows[:, 1], rows[:, 4] + raw_rad[rows[:, 0].astype(int)])
-        if bend_rad_per_m is None:
+        rows = keyframes.echoes.stretch(self._measured_m, keyframes.path_m)
+        first = int(np.searchsorted(keyframes.paths_m, self._measured_m))
+        node, self._measured_m = len(keyframes) - 1, keyframes.path_m
+        raw_rad = keyframes.measured_headings_rad
+        turn_rad_per_m = apparent_turn(rows[:, 1], rows[:, 4] + raw_rad[rows[:, 0].astype(int)])
+        if turn_rad_per_m is None:
             return False
-        way_m = self._trail.ways_m[node] - self._trail.ways_m[first]
-        here = self._trail.graph.pose(first).between(self._trail.graph.pose(node))
-        turned_rad = wrap_angle(raw_rad[node] - raw_rad[first] - bend_rad_per_m * way_m)
-        information = np.diag([0.0, 0.0, (BEND_SD_RAD_PER_M * way_m) ** -2])
-        self._waiting.append(Edge(first, node, Pose2(here.x_m, here.y_m, turned_rad), information, Kind.NEAR))
-        self._bends.append(bend_rad_per_m)
-        doubted = self._trail.errors is not WHEELS_ALONE and len(self._bends) >= BENDS_MIN
-        if doubted and abs(sum(self._bends)) > BEND_SIGMAS * BEND_SD_RAD_PER_M * len(self._bends) ** 0.5:
-            self._trail.distrust_odometry()
+        path_m = keyframes.paths_m[node] - keyframes.paths_m[first]
+        turn_rad = wrap_angle(raw_rad[node] - raw_rad[first] - turn_rad_per_m * path_m)
+        self._waiting.append(HeadingChange(first, node, turn_rad, TURN_SD_RAD_PER_M * path_m))
+        self._turns.append(turn_rad_per_m)
+        in_question = keyframes.noise is not WHEELS_ALONE and len(self._turns) >= TURNS_MIN
+        if in_question and abs(sum(self._turns)) > TURN_SIGMAS * TURN_SD_RAD_PER_M * len(self._turns) ** 0.5:
+            keyframes.distrust_odometry()
             return True
         return False
 
-    def _tie_newest(self) -> None:
-        """Register the newest stretch onto the one before it."""
-        begins_m = self._trail.way_m - NEAR_M
-        mine = self._trail.echoes.stretch(begins_m)
-        other = self._trail.echoes.stretch(begins_m - NEAR_REACH_M, begins_m - NEAR_GAP_M)
-        if len(mine) < NEAR_POINTS_MIN or len(other) < NEAR_POINTS_MIN:
+    def _register_newest(self) -> None:
+        keyframes = self._keyframes
+        begins_m = keyframes.path_m - STRETCH_M
+        mine = keyframes.echoes.stretch(begins_m)
+        other = keyframes.echoes.stretch(begins_m - REACH_M, begins_m - GAP_M)
+        if len(mine) < POINTS_MIN or len(other) < POINTS_MIN:
             return
         node = int(np.median(mine[:, 0]))
-        match = self._trail.register(mine, other, node, 0.0, 0.0)
-        if match is None or match.overlap < NEAR_OVERLAP_MIN or match.rms_m > NEAR_RMS_MAX_M:
+        match = keyframes.register(mine, other, node, 0.0, 0.0)
+        if match is None or match.overlap < OVERLAP_MIN or match.rms_m > RMS_MAX_M:
             return
         # Held by the end of the stretch before: that is what it was registered onto, most of all
-        anchor = int(np.searchsorted(self._trail.ways_m, begins_m - NEAR_GAP_M - 1.0))
+        anchor = int(np.searchsorted(keyframes.paths_m, begins_m - GAP_M - 1.0))
         if anchor >= node:
             return
-        self._trail.graph.edges.append(self._trail.tie(anchor, node, match, Kind.NEAR, NEAR_SD_M, NEAR_SD_RAD))
+        keyframes.add_match(keyframes.graph.sequential_matches, anchor, node, match, MATCH_SD_M, MATCH_SD_RAD)

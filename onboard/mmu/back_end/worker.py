@@ -1,7 +1,7 @@
 """Where the back end runs: beside the steps of the mapping unit, which never waits for it.
 
-Here a process of its own at the lowest priority; `deferred_worker` has the one for lockstep and replay. This module
-loads nothing of the back end: what it needs lies in the memory of its process only.
+Here it is a process of its own at the lowest priority; `deferred_worker` has the one for lockstep and replay. This
+module imports nothing that computes: scipy and the back end are loaded in their own process only.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import IO, Protocol
 
 from common.environment import PROCESS_ENVIRONMENT
 from common.memory import give_back
-from onboard.mmu.map.keyframes import Correction, Increment
+from onboard.mmu.back_end.exchange import Correction, Increment
 
 _LENGTH = struct.Struct("<Q")
 
@@ -41,15 +41,15 @@ class Worker(Protocol):
 
 
 class ProcessWorker:
-    """The back end in `onboard.mmu.back_end.worker_process`. One that dies is started again and given everything anew.
+    """The back end in `onboard.mmu.back_end.worker_process`. One that dies is started again and given everything again.
 
-    A thread talks to it: with a full pipe or a correction of a large map the step has nothing to do.
+    A thread exchanges the messages, so that no step waits for a full pipe or for a correction of a large map.
     """
 
     def __init__(self, map_file: Path | None = None) -> None:
         self._map_file = map_file
         self._increments: queue.SimpleQueue[Increment | None] = queue.SimpleQueue()
-        self._answers: queue.SimpleQueue[Correction | None] = queue.SimpleQueue()
+        self._corrections: queue.SimpleQueue[Correction | None] = queue.SimpleQueue()
         self._busy = False
         self._start()
 
@@ -64,12 +64,12 @@ class ProcessWorker:
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=os.environ | PROCESS_ENVIRONMENT
         )
         threading.Thread(
-            target=_converse, args=(self._process, self._increments, self._answers), name="back end", daemon=True
+            target=_exchange, args=(self._process, self._increments, self._corrections), name="back end", daemon=True
         ).start()
 
     @property
     def pid(self) -> int:
-        """Of the process as it runs now, for whoever measures it."""
+        """Of the process as it runs now, for measurements."""
         return self._process.pid
 
     @property
@@ -82,7 +82,7 @@ class ProcessWorker:
 
     def collect(self, now_s: float) -> Correction | None:
         try:
-            correction = self._answers.get_nowait()
+            correction = self._corrections.get_nowait()
         except queue.Empty:
             return None
         self._busy = False
@@ -121,12 +121,12 @@ def receive(stream: IO[bytes]) -> object | None:
     return message
 
 
-def _converse(
+def _exchange(
     process: subprocess.Popen[bytes],
     increments: queue.SimpleQueue[Increment | None],
-    answers: queue.SimpleQueue[Correction | None],
+    corrections: queue.SimpleQueue[Correction | None],
 ) -> None:
-    """One answer to every increment; None, and the end, when the process is gone."""
+    """One correction for every increment; None, and the end, when the process is gone."""
     assert process.stdin is not None
     assert process.stdout is not None
     while (increment := increments.get()) is not None:
@@ -135,7 +135,7 @@ def _converse(
             send(process.stdin, increment)
             message = receive(process.stdout)
         assert message is None or isinstance(message, Correction)
-        answers.put(message)
+        corrections.put(message)
         if message is None:
             return
         give_back()

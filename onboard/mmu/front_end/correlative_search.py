@@ -1,9 +1,9 @@
-"""Where, within a wide window, do these echoes fit onto those? Correlative search with branch and bound.
+"""Correlative search with branch and bound: where, within a wide window, do these echoes fit onto those?
 
-Olson 2009; the bounds after Hess et al. 2016.
+After Olson 2009; the bounds after Hess et al. 2016.
 
 1. The fixed points smear a likelihood over a grid of 10 cm cells, one grid for each of eight directions that a wall
-   may face, so that the two sides of a wall and crossing walls do not answer for each other.
+   may face, so that the two sides of a wall, or crossing walls, do not match each other.
 2. Every heading and every block of 4 x 4 cells gets an upper bound of its scores from a grid of block maxima.
 3. Blocks are scored cell by cell, best bound first, as long as their bound may still matter.
 """
@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from common.geometry import FloatArray, Points
 
+# Resolution of the search, and its prior on the middle of the window. The sensitivity was not measured
 CELL_M = 0.1
 SMEAR_M = 0.12
 HEADING_STEP_RAD = 0.02
@@ -25,11 +26,11 @@ BLOCK = 4
 SECTORS = 8
 POINTS_MAX = 160
 PRIOR_SHARE = 0.1  # of the score that the rim of the window loses against its middle
-RIVAL_SHARE = 0.8  # places that score less than this share of the best are no rivals
+SECOND_BEST_SHARE = 0.8  # places that score less than this share of the best are not returned
 CHUNK = 256
 MARGIN_M = 0.5
 
-_SHOW = 255.0
+_FULL_SCORE = 255.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ def search(
     reach_m: float,
     reach_rad: float,
 ) -> list[Place]:
-    """The best place first, then every rival cell (at its best heading); all coordinates relative to the centre.
+    """The best place first, then all cells that score nearly as well (at their best heading), relative to the centre.
 
     `points` (N, 2) are moved, `fixed` (M, 2) stay. Empty when nothing agrees anywhere.
     """
@@ -89,7 +90,7 @@ def _refine(
     bounds = bound.ravel()[order]
     best, at = 0.0, 0
     found: list[FloatArray] = []  # rows of score, x, y, turn
-    while at < len(order) and bounds[at] > RIVAL_SHARE * best and bounds[at] > 0:
+    while at < len(order) and bounds[at] > SECOND_BEST_SHARE * best and bounds[at] > 0:
         t, b = np.unravel_index(order[at : at + CHUNK], bound.shape)
         at += CHUNK
         y, x = dy[b][:, None] + inner_y[None, :], dx[b][:, None] + inner_x[None, :]
@@ -101,11 +102,11 @@ def _refine(
     if best <= 0:
         return []
     rows = np.concatenate(found)
-    rows = rows[rows[:, 0] > RIVAL_SHARE * best]
+    rows = rows[rows[:, 0] > SECOND_BEST_SHARE * best]
     rows = rows[np.argsort(-rows[:, 0], kind="stable")]
     cells = np.round(rows[:, 1:3] / CELL_M).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
-    return [Place(float(r[1]), float(r[2]), float(r[3]), float(r[0]) / _SHOW) for r in rows[np.sort(first)]]
+    return [Place(float(r[1]), float(r[2]), float(r[3]), float(r[0]) / _FULL_SCORE) for r in rows[np.sort(first)]]
 
 
 def _cells(points: Points, normals_rad: FloatArray, turn_rad: float, half: int, width: int) -> npt.NDArray[np.int64]:
@@ -134,7 +135,7 @@ def _likelihood(fixed: Points, normals_rad: FloatArray, half: int) -> npt.NDArra
     )
     for i in range(-reach, reach + 1):
         for j in range(-reach, reach + 1):
-            value = np.uint8(_SHOW * np.exp(-0.5 * (i * i + j * j) * (CELL_M / SMEAR_M) ** 2))
+            value = np.uint8(_FULL_SCORE * np.exp(-0.5 * (i * i + j * j) * (CELL_M / SMEAR_M) ** 2))
             view = (index[:, 0], index[:, 1] + i, index[:, 2] + j)
             field[view] = np.maximum(field[view], value)
     return field

@@ -1,16 +1,16 @@
-"""Where in its beam did a sonar hear the wall? Samples of one thing heard on the way -> direction and normal of it.
+"""Where in the beam did the wall echo? Samples of one thing along the path -> its direction and normal.
 
-A beam of half width w hears a wall at its perpendicular foot when the foot lies in the beam, else (a narrow beam, a
+A wall echoes in a beam of half width w at its perpendicular foot when the foot lies in the beam, else (a narrow beam, a
 pencil of light) where the beam's nearer edge meets it. So, for a wall with normal n at distance d from the robot and a
 beam that looks along b:
 
     range * cos(max(|n - b| - w, 0)) = d
 
-1. For every normal in question, that predicts d from each sample; with the way driven in between, all samples must
-   agree. What does not fit (cross-talk, early echoes, a wall's end) gives itself away.
-2. The spread of the normals that fit says how well the direction is known. Driving past tells it to a degree; turning
-   on the spot it is the middle of the headings that hear the wall (regions of constant depth: Leonard and
-   Durrant-Whyte 1992).
+1. For every normal in question, that predicts d from each sample; with the path driven in between, all samples must
+   agree. Cross-talk, early echoes and the end of a wall do not fit, and are recognised by that.
+2. The spread of the normals that fit shows how well the direction is known: to a degree where the robot drives past;
+   where it turns on the spot it is the middle of the headings at which the wall echoes (regions of constant depth:
+   Leonard and Durrant-Whyte 1992).
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ import numpy as np
 
 from common.geometry import FloatArray
 
+# The sensitivity to these was not measured
 ANGLE_STEP_RAD = radians(3.0)
-NARROW_RAD = radians(20.0)  # a beam narrower than this also hears walls that it does not meet squarely
+NARROW_RAD = radians(20.0)  # in a narrower beam walls echo too that it does not meet squarely
 INCIDENCE_MAX_RAD = radians(60.0)
 FIT_SD_MAX_M = 0.03
 RANGE_SD_SHARE = 0.005
@@ -33,12 +34,12 @@ AMBIGUOUS_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class EchoDirection:
     """All angles relative to the beam's axis at the sample in question, radians, left positive."""
 
     normal_rad: float  # of the wall, away from the robot
     normal_sd_rad: float
-    direction_rad: float  # from the robot to the place that answered
+    direction_rad: float  # from the robot to the place that echoed
     range_m: float
     fit_sd_m: float
 
@@ -55,7 +56,7 @@ class Beam:
         return self.half_width_rad < NARROW_RAD
 
     def normals(self) -> FloatArray:
-        """Every normal that this beam may hear, relative to its axis (A,), and one beyond on each side."""
+        """Normals of walls that may echo in this beam, relative to its axis (A,), and one beyond on each side."""
         reach = max(self.half_width_rad, INCIDENCE_MAX_RAD if self.narrow else 0.0)
         count = round(reach / ANGLE_STEP_RAD) + 1
         return ANGLE_STEP_RAD * np.arange(-count, count + 1, dtype=np.float64)
@@ -63,8 +64,8 @@ class Beam:
 
 def locate(
     beam: Beam, normals: FloatArray, at_m: FloatArray, turned_rad: FloatArray, ranges_m: FloatArray, centre: int
-) -> Heard | None:
-    """Where the `centre`-th sample heard the wall, or None where the samples do not agree on one.
+) -> EchoDirection | None:
+    """Where the wall of the `centre`-th sample echoed, or None where the samples do not agree on one.
 
     `at_m` (N, 2) and `turned_rad` (N,) are the sonar's places and turns relative to the centre's, in the frame of its
     axis; `normals` is `beam.normals()`.
@@ -77,11 +78,11 @@ def locate(
     square = ((distance - mean[:, None]) ** 2).sum(axis=1)
     sigma_m = max(beam.step_m / sqrt(12.0), 0.01, RANGE_SD_SHARE * float(ranges_m[centre]))
     limit_rad = max(beam.half_width_rad + 1.5 * ANGLE_STEP_RAD, INCIDENCE_MAX_RAD if beam.narrow else 0.0)
-    heard = off.max(axis=1) <= limit_rad
-    chi2 = np.where(heard, square / sigma_m**2, np.inf)
+    in_beam = off.max(axis=1) <= limit_rad
+    chi2 = np.where(in_beam, square / sigma_m**2, np.inf)
     best = int(chi2.argmin())
     fit_sd_m = sqrt(float(square[best]) / max(len(ranges_m) - 2, 1))
-    at_rim = best in (0, len(normals) - 1)  # what was heard lies outside of the beam
+    at_rim = best in (0, len(normals) - 1)  # what echoed lies outside of the beam
     if not np.isfinite(chi2[best]) or fit_sd_m > FIT_SD_MAX_M or at_rim:
         return None
     found = _peak(normals, chi2, best, off.mean(axis=1) / max(beam.half_width_rad, NARROW_RAD))
@@ -91,7 +92,7 @@ def locate(
     direction_rad = min(max(normal_rad, -beam.half_width_rad), beam.half_width_rad)
     # The mean over the samples is steadier than the one range
     range_m = float(np.interp(normal_rad, normals, mean)) / float(np.cos(normal_rad - direction_rad))
-    return Heard(normal_rad, sd_rad, direction_rad, range_m, fit_sd_m / sqrt(len(ranges_m)))
+    return EchoDirection(normal_rad, sd_rad, direction_rad, range_m, fit_sd_m / sqrt(len(ranges_m)))
 
 
 def _peak(normals: FloatArray, chi2: FloatArray, best: int, off_axis: FloatArray) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""filterpy's extended Kalman filter, without the scipy that its other filters need -> `odometry`.
+"""filterpy's extended Kalman filter, without the scipy that its other filters need.
 
 `import filterpy.kalman` loads scipy.stats, .ndimage, .sparse and .linalg for functions that the extended filter never
 calls; the process of the front end uses no scipy otherwise.
@@ -13,7 +13,7 @@ from onboard.mmu.on_demand import on_demand
 with on_demand("scipy"):
     from filterpy.kalman import EKF, ExtendedKalmanFilter
 
-# The inverse of one number is all that the filter asks of it
+# The filter only needs the inverse of one number
 EKF.linalg = np.linalg
 
 __all__ = ["ExtendedKalmanFilter"]

@@ -1,6 +1,6 @@
 """Dead reckoning: an extended Kalman filter over wheel encoders and gyro.
 
-Wheels give the distance, the gyro leads the heading; the wheels' own heading only bridges what the gyro cannot know.
+Wheels give the distance, the gyro leads the heading; the wheels' own heading only bridges what the gyro cannot measure.
 State: x, y, heading, and how far the gyro's yaw has drifted from the heading. The frame is `odom`: continuous, never
 corrected by the map.
 """
@@ -17,16 +17,16 @@ from common.messages import Odometry
 from onboard.mmu.front_end.kalman import ExtendedKalmanFilter
 from onboard.mmu.front_end.wheel_slip import WheelSlip
 
-# Causes, as standard deviations
+# Causes of errors, as standard deviations. The sensitivity was not measured
 SLIP_SD_PER_SQRT_M = 0.01  # metres of slip per wheel after one metre
 GYRO_DRIFT_SD_RAD_PER_SQRT_S = radians(0.05)  # between two standstills
 GYRO_SD_RAD = radians(0.05)
 MAX_SPEED_M_S = 1.0  # of a wheel: what goes further between two reports is no motion of this robot
 MAX_STEP_M = 0.1  # on top of that
-MAX_GAP_S = 5.0  # a board that hears nobody stands: it goes no further than it can in so long
+MAX_GAP_S = 5.0  # a board that receives no heartbeat stands: it drives no further than it can in so long
 MAX_SILENCE_S = 600.0  # what comes from later than that is from another time, as is what lies MAX_GAP_S back
-GAP_S = 0.25  # over a longer gap the board's own dead reckoning knows the way better than one arc does
-BELIEVED_AFTER = 5  # reports that agree with each other and not with what came before: the ticks did jump
+GAP_S = 0.25  # over a longer gap the board's own dead reckoning knows the path better than one arc does
+JUMP_REPORTS = 5  # reports that agree with each other and not with what came before: the ticks did jump
 
 
 class OdometryFilter:
@@ -44,7 +44,7 @@ class OdometryFilter:
         self.calibrated_rad = 0.0  # all that the calibration added to them
         self._yaw_unwrapped_rad = 0.0
         self._jumped: tuple[Odometry, int] | None = None
-        self.carried = False  # the way since the last report is not known; whoever acts on it sets it back
+        self.kidnapped = False  # the path since the last report is not known; who acts on it clears it
 
     @property
     def pose(self) -> Pose2:
@@ -56,12 +56,12 @@ class OdometryFilter:
         return covariance
 
     def update(self, odometry: Odometry) -> bool:
-        """Take one report in; False when it does not go on from the one before (the board restarted or jumped)."""
+        """Take one report in; False when it does not continue the one before (the board restarted or jumped)."""
         if not all(map(isfinite, (odometry.t_s, gyro_yaw_rad(odometry)))):
             return False
         last = self._last
         if last is None or odometry.session != last.session:
-            # The board's yaw begins anew; the heading goes on
+            # The board's yaw begins at zero again; the heading continues
             self._last, self._jumped = odometry, None
             self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
             return last is None
@@ -88,18 +88,18 @@ class OdometryFilter:
         return True
 
     def _jump(self, odometry: Odometry) -> None:
-        """A broken report, or the first after a jump: which, those that follow tell."""
+        """A broken report, or the first after a jump: those that follow show which."""
         after = self._jumped
-        goes_on = after is not None and after[0].t_s < odometry.t_s and _reachable(after[0], odometry, self._tick_m)
-        count = after[1] + 1 if after is not None and goes_on else 1
+        continues = after is not None and after[0].t_s < odometry.t_s and _reachable(after[0], odometry, self._tick_m)
+        count = after[1] + 1 if after is not None and continues else 1
         self._jumped = (odometry, count)
-        if count >= BELIEVED_AFTER:
+        if count >= JUMP_REPORTS:
             self._last, self._jumped = odometry, None
             self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
-            self.carried = True
+            self.kidnapped = True
 
     def begin_at(self, pose: Pose2) -> None:
-        """`odom` goes on from this pose."""
+        """`odom` continues from this pose."""
         self._pose = pose
 
     def move(self, measured: Pose2) -> None:
@@ -107,7 +107,7 @@ class OdometryFilter:
         self._move(measured)
 
     def calibrate(self, rad_per_m: float, rad_per_rad: float) -> None:
-        """From now on every way turns by so much more than measured: what walls say of the odometry's slow errors."""
+        """From now on every path turns by so much more than measured: the calibration that the back end estimated."""
         self._calibration = rad_per_m, rad_per_rad
 
     def _move(self, measured: Pose2) -> None:
@@ -148,7 +148,7 @@ class OdometryFilter:
 
 
 def gyro_yaw_rad(odometry: Odometry) -> float:
-    """Without what the board took from walls: they are asked here too, and must not be believed twice."""
+    """Without what the board took from walls: the back end uses them too, and they must not count twice."""
     return odometry.yaw_rad - odometry.yaw_by_walls_rad
 
 
@@ -163,5 +163,5 @@ def _reachable(last: Odometry, odometry: Odometry, tick_m: float) -> bool:
         abs(odometry.ticks_right - last.ticks_right),
     )
     dt_s = odometry.t_s - last.t_s
-    way_m = max(ticks * tick_m, board_pose(last).distance_m(board_pose(odometry)))
-    return 0.0 < dt_s < MAX_SILENCE_S and way_m <= MAX_STEP_M + MAX_SPEED_M_S * min(dt_s, MAX_GAP_S)
+    path_m = max(ticks * tick_m, board_pose(last).distance_m(board_pose(odometry)))
+    return 0.0 < dt_s < MAX_SILENCE_S and path_m <= MAX_STEP_M + MAX_SPEED_M_S * min(dt_s, MAX_GAP_S)

@@ -1,10 +1,10 @@
-"""Where do these echoes fit onto those? Registration of one set of wall points with normals onto another.
+"""Scan matching: registration of one set of wall points with normals onto another.
 
-1. Coarse, when asked: correlative search over a wide window; another place that fits as well is a rival.
+1. Coarse, where a window is given: correlative search; another place that fits nearly as well makes it ambiguous.
 2. Fine: point-to-line least squares with normals (Chen and Medioni 1992), robust weights, neighbours by KD-tree.
 
 The information matrix is that of the point-to-line problem: along a bare hall it stays near zero by itself, and a
-place further along the same hall is no rival.
+place further along the same hall is no ambiguity.
 Assumes that both sets are rigid: a few metres of driving each.
 """
 
@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from common.geometry import FloatArray, Points, Pose2
 from onboard.mmu.front_end.correlative_search import Place, search
 
+# Tuned on recorded robots (range logs) and simulated ones; the sensitivity was not measured
 NEIGHBOUR_M = 0.30
 NEIGHBOUR_FINAL_M = 0.15
 NORMALS_COS_MIN = 0.85
@@ -26,20 +27,20 @@ POINT_SD_M = 0.03
 POINTS_PER_INDEPENDENT = 6.0  # neighbouring echoes share their errors
 ITERATIONS = 10
 NORMAL_SD_RAD = radians(5.0)
-RIVAL_DISTANCE_M = 0.5
-RIVAL_CHI2 = 50.0
+SECOND_BEST_M = 0.5  # how far the second-best place lies from the best one at least
+SECOND_BEST_CHI2 = 50.0  # squared Mahalanobis distance, likewise: along a bare hall it stays small
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """`correction` brings the moving points (given in the map as believed) onto the fixed ones."""
+    """`correction` brings the moving points (given in the map as estimated) onto the fixed ones."""
 
     correction: Pose2
     information: FloatArray  # (3, 3) of the correction, about the centre given to `register`
     overlap: float  # share of the moving points that found a partner
     rms_m: float
     score: float = 0.0  # of the coarse search; 0 where nothing was searched
-    rival: float = 0.0  # score of the best other place over the best
+    ambiguity: float = 0.0  # score of the second-best place over that of the best
 
 
 def register(
@@ -53,7 +54,7 @@ def register(
 ) -> Match | None:
     """Match `points` (N, 2) with `normals` (N, 2) onto `fixed_points` (M, 2); rotation is about `centre` (2,).
 
-    Returns None where there is nothing to hold on to.
+    Returns None where too few points find a partner.
     """
     local = points - centre
     fixed = fixed_points - centre
@@ -90,22 +91,23 @@ def register(
         rms_m = float(np.sqrt((weight * residual**2).sum() / weight.sum()))
         if abs(step[:2]).max() < 1e-3 and abs(step[2]) < 1e-4 and gate_m == NEIGHBOUR_FINAL_M:
             break
-    # Normals scatter: what they seem to know along a bare wall is noise
+    # Normals scatter: the information that they seem to give along a bare wall is noise
     values, vectors = np.linalg.eigh(information[:2, :2])
     values = np.maximum(values - float(used.sum()) * NORMAL_SD_RAD**2, 1e-3)
     information[:2, :2] = (vectors * values) @ vectors.T
     information[:2, 2] = information[2, :2] = 0.0
     information = information / (POINT_SD_M**2 * POINTS_PER_INDEPENDENT)
     score = places[0].score if places else 0.0
-    rival = max((p.score for p in places[1:] if _elsewhere(p, places[0], information)), default=0.0) / max(score, 1e-9)
-    return Match(Pose2.from_array(correction), information, float(used.mean()), rms_m, score, rival)
+    second_best = max((p.score for p in places[1:] if _elsewhere(p, places[0], information)), default=0.0)
+    ambiguity = second_best / max(score, 1e-9)
+    return Match(Pose2.from_array(correction), information, float(used.mean()), rms_m, score, ambiguity)
 
 
 def _elsewhere(place: Place, best: Place, information: FloatArray) -> bool:
     """Another solution, and not the same one along a direction that the walls leave open."""
     shift = np.array([place.x_m - best.x_m, place.y_m - best.y_m])
-    far = float(shift @ shift) > RIVAL_DISTANCE_M**2
-    return far and float(shift @ information[:2, :2] @ shift) > RIVAL_CHI2
+    far = float(shift @ shift) > SECOND_BEST_M**2
+    return far and float(shift @ information[:2, :2] @ shift) > SECOND_BEST_CHI2
 
 
 def _move(correction: FloatArray, points: Points, normals: Points) -> tuple[Points, Points]:

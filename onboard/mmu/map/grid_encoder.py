@@ -1,6 +1,6 @@
-"""The occupancy grid as a message, a few rows in every step: no step may cost as much as the floor is large.
+"""The occupancy grid as a message, compressed a few rows at a time: the cost of a step does not grow with the map.
 
-The rows of one message are up to a second apart; a map that grew meanwhile shows its new rows in the next one.
+The rows of one message are up to a second apart; rows that the map gained meanwhile come with the next message.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ CELLS_AT_ONCE = 100_000
 LEVEL = 1  # of zlib: a grid is mostly long runs of one value
 
 
-class GridPress:
+class GridEncoder:
     """`begin` with a grid, then `advance` in every step until it gives the message."""
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class GridPress:
         # A shallow copy: a grid that grows takes new arrays, this one keeps its own
         self._grid = copy(grid)
         self._deflate = zlib.compressobj(LEVEL)
-        self._pressed = bytearray()
+        self._compressed = bytearray()
         self._row = 0
 
     def advance(self, now_s: float) -> GridUpdate | None:
@@ -40,11 +40,11 @@ class GridPress:
             return None
         rows, columns = grid.shape
         end = min(self._row + max(CELLS_AT_ONCE // columns, 1), rows)
-        self._pressed += self._deflate.compress(grid.cells(self._row, end).tobytes())
+        self._compressed += self._deflate.compress(grid.cells(self._row, end).tobytes())
         self._row = end
         if end < rows:
             return None
         self._grid = None
         self._revision += 1
-        self._pressed += self._deflate.flush()
-        return GridUpdate(now_s, self._revision, *grid.origin_m, CELL_M, rows, columns, bytes(self._pressed))
+        self._compressed += self._deflate.flush()
+        return GridUpdate(now_s, self._revision, *grid.origin_m, CELL_M, rows, columns, bytes(self._compressed))

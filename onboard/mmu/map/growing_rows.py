@@ -1,4 +1,4 @@
-"""Rows that become more: one array, grown by a quarter at a time, so that a row costs its own bytes and no object."""
+"""Rows that grow in number: one array, enlarged by a quarter at a time, so that a row costs no object of its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 
 class GrowingRows:
-    """`rows` (N, *shape) of one dtype, a view of what is kept: it is written over by whoever writes to it."""
+    """`rows` (N, *shape) of one dtype, a view of what is kept: who writes to it changes it."""
 
     def __init__(self, dtype: npt.DTypeLike = np.float64, shape: tuple[int, ...] = (), capacity: int = 256) -> None:
         self._kept: npt.NDArray[Any] = np.zeros((capacity, *shape), dtype)

@@ -1,29 +1,27 @@
-"""Key frames and what was seen from them; what the front end hands to the back end, and what comes back."""
+"""Keyframes, their poses in the map, and what was observed from them: a submap each."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from common.geometry import FloatArray, Points, Pose2
 from onboard.mmu.map.growing_rows import GrowingRows
-from onboard.mmu.map.occupancy import OccupancyGrid
-from onboard.mmu.map.wall_points import WallPoints
 
 
 @dataclass(frozen=True, slots=True)
-class KeyFrame:
-    """A pose in `odom`, and the way there: how far, turned by how much (left positive), seconds spent driving."""
+class Keyframe:
+    """A pose in `odom`, and the path there: how far, turned by how much (left positive)."""
 
     t_s: float
     odom: Pose2
     travel_m: float
-    way_m: float  # travel and turning together: how much new was seen
+    path_m: float  # travel and turning together: how much new was in view
     turned_rad: float  # sum of the turns since the start, by raw odometry
     calibrated_rad: float  # of which that much was added by the calibration then in force
-    certain: bool = True  # false: the robot may have been carried since the key frame before
-    slip_m_per_sqrt_m: float | None = None  # of the way, where it is known
+    certain: bool = True  # false: the robot may have been kidnapped since the keyframe before
+    slip_m_per_sqrt_m: float | None = None  # of the path, where it is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,47 +33,10 @@ class LastSeen:
     pose: Pose2
 
 
-@dataclass(frozen=True, slots=True)
-class Increment:
-    """What the front end adds: key frames; echoes and rays (N, 6) as `FrameStore` keeps them; approaches (N, 8).
+class ObservationStore:
+    """Directed lengths (echoes, free rays), each relative to its keyframe.
 
-    Columns of an approach: key frame, x and y in it (m) of the far end; the same of the near end; by how much the wall
-    ahead came nearer, and how far it still was (m).
-    `known`: these key frames are a map from before, whose odometry is the map itself.
-    """
-
-    frames: tuple[KeyFrame, ...]
-    echoes: FloatArray
-    rays: FloatArray
-    last: LastSeen | None = None
-    known: bool = False
-    approaches: FloatArray = field(default_factory=lambda: np.zeros((0, 8)))
-
-
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """Poses (K, 3) of all key frames as they are believed now, and the odometry's slow errors (rad/m, rad/rad).
-
-    No poses at all: the back end was lost and must be given everything again.
-    """
-
-    poses: FloatArray
-    drift: tuple[float, float]
-    closures: int
-    tied_at_m: float  # way at the newest tie to a place visited before
-    # Drawn anew from all that the back end has: the grid because the past moved, the walls also from time to time
-    grid: OccupancyGrid | None = None
-    walls: WallPoints | None = None
-
-    @classmethod
-    def lost(cls) -> Correction:
-        return cls(np.zeros((0, 3)), (0.0, 0.0), 0, 0.0)
-
-
-class FrameStore:
-    """Directed lengths (echoes, free rays), each in the frame of its key frame.
-
-    Columns: key frame, way (m), x (m), y (m), direction (rad; an echo's is the wall's normal), length (m). Kept in
+    Columns: keyframe, path (m), x (m), y (m), direction (rad; an echo's is the wall's normal), length (m). Kept in
     single precision, which is a tenth of a millimetre after a kilometre; what comes out is double.
     """
 
@@ -94,13 +55,13 @@ class FrameStore:
         return self._kept.rows[start:end].astype(np.float64)
 
     def stretch(self, from_m: float, to_m: float = float("inf")) -> FloatArray:
-        """(N, 6) of a stretch of the way."""
+        """(N, 6) of a stretch of the path."""
         rows = self._kept.rows
         return rows[(rows[:, 1] >= from_m) & (rows[:, 1] <= to_m)].astype(np.float64)
 
 
 class PoseStore:
-    """Poses of all key frames in the map."""
+    """Poses of all keyframes in the map."""
 
     def __init__(self) -> None:
         self._kept = GrowingRows(shape=(3,))
@@ -130,7 +91,7 @@ class PoseStore:
 
 
 def in_map(rows: FloatArray, poses: FloatArray) -> tuple[Points, FloatArray]:
-    """Points (N, 2) and directions (N,) in the map of such rows, given all key frame poses (K, 3)."""
+    """Points (N, 2) and directions (N,) in the map of such rows, given the poses (K, 3) of all keyframes."""
     p = poses[rows[:, 0].astype(int)]
     c, s = np.cos(p[:, 2]), np.sin(p[:, 2])
     x, y = rows[:, 2], rows[:, 3]

@@ -1,7 +1,7 @@
-"""The map on disk: it outlives a restart of the process, and another run can find its way in it.
+"""The map on disk: it outlives a restart of the process, and another run can localise in it as its prior map.
 
-Written whole under another name, then renamed: a reader never meets half of one. Saved at every closure and at least
-every 30 s.
+Written whole under another name, then renamed, so that no reader gets half of one. Saved at every loop closure and at
+least every 30 s.
 """
 
 from __future__ import annotations
@@ -15,42 +15,42 @@ from zipfile import BadZipFile
 import numpy as np
 
 from common.geometry import FloatArray, Pose2
-from onboard.mmu.map.keyframes import KeyFrame, LastSeen
+from onboard.mmu.map.keyframes import Keyframe, LastSeen
 
 MAP_NAME = "map.npz"  # in the log folder of mmu
 SAVE_EVERY_S = 30.0
-FORMAT = 1
+FORMAT = 2
 
 _log = logging.getLogger("mmu")
 
 
 @dataclass(frozen=True, slots=True)
 class SavedMap:
-    """Key frames with their poses (K, 3) in the map, what was seen from them, and where the robot was last."""
+    """Keyframes with their poses (K, 3) in the map, what was observed from them, and where the robot was last."""
 
     times_s: FloatArray  # (K,)
     poses: FloatArray
-    ways_m: FloatArray  # (K,)
-    echoes: FloatArray  # (N, 6) as `FrameStore` keeps them
+    paths_m: FloatArray  # (K,)
+    echoes: FloatArray  # (N, 6) as `ObservationStore` keeps them
     rays: FloatArray
     last: LastSeen | None = None
 
-    def frames(self) -> tuple[KeyFrame, ...]:
-        """As key frames whose odometry is the map itself."""
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        """As keyframes whose odometry is the map itself."""
         travel_m = turned_rad = 0.0
-        frames: list[KeyFrame] = []
-        for t_s, way_m, row in zip(self.times_s.tolist(), self.ways_m.tolist(), self.poses, strict=True):
+        keyframes: list[Keyframe] = []
+        for t_s, path_m, row in zip(self.times_s.tolist(), self.paths_m.tolist(), self.poses, strict=True):
             pose = Pose2.from_array(row)
-            if frames:
-                relative = frames[-1].odom.between(pose)
-                travel_m += frames[-1].odom.distance_m(pose)
+            if keyframes:
+                relative = keyframes[-1].odom.between(pose)
+                travel_m += keyframes[-1].odom.distance_m(pose)
                 turned_rad += relative.heading_rad
-            frames.append(KeyFrame(t_s, pose, travel_m, way_m, turned_rad, 0.0))
-        return tuple(frames)
+            keyframes.append(Keyframe(t_s, pose, travel_m, path_m, turned_rad, 0.0))
+        return tuple(keyframes)
 
 
 def try_save(file: Path, saved: SavedMap) -> None:
-    """A disk that refuses must not keep the mapping from going on."""
+    """A disk that refuses must not stop the mapping."""
     try:
         save_map(file, saved)
     except OSError as error:
@@ -67,7 +67,7 @@ def save_map(file: Path, saved: SavedMap) -> None:
             format=FORMAT,
             times_s=saved.times_s,
             poses=saved.poses,
-            ways_m=saved.ways_m,
+            paths_m=saved.paths_m,
             echoes=saved.echoes.astype(np.float32),
             rays=saved.rays.astype(np.float32),
             last=np.array([] if last is None else [last.session, *last.board.as_array(), *last.pose.as_array()]),
@@ -87,8 +87,8 @@ def load_map(file: Path) -> SavedMap | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, BadZipFile, EOFError) as error:
-        _log.warning("map not readable, begins anew file=%s error=%s", file, error)
+        _log.warning("map not readable, a new one begins file=%s error=%s", file, error)
         return None
     row = arrays["last"]
     last = LastSeen(int(row[0]), Pose2.from_array(row[1:4]), Pose2.from_array(row[4:7])) if len(row) else None
-    return SavedMap(arrays["times_s"], arrays["poses"], arrays["ways_m"], arrays["echoes"], arrays["rays"], last)
+    return SavedMap(arrays["times_s"], arrays["poses"], arrays["paths_m"], arrays["echoes"], arrays["rays"], last)

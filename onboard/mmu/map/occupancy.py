@@ -1,7 +1,7 @@
-"""Occupancy grid for driving: wall where echoes agree, free where a range passed, unknown where nothing was learned.
+"""Occupancy grid for driving: wall where echoes agree, free where a range passed, unknown where nothing was measured.
 
-A lost echo is no information, except that nothing stands close in front of a sonar that heard nothing several times
-running. A ray never frees what lies behind a known wall.
+A lost echo is no information, except that nothing stands close in front of a sonar that received no echo several times
+in a row. A ray never frees what lies behind a known wall.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ UNKNOWN, FREE, WALL = 0, 1, 2
 RAY_SPREAD_RAD = tuple(radians(a) for a in (-8.0, -4.0, 0.0, 4.0, 8.0))
 RAY_MARGIN_M = 0.15  # a ray ends this far before its echo
 RAY_MAX_M = 6.2
-SILENT_FREE_M = 1.0  # how far a sonar that hears nothing several times running frees
+SILENT_FREE_M = 1.0  # how far a sonar that receives no echo several times in a row frees
 HITS_FOR_WALL = 2
 RAYS_AT_ONCE = 100  # a worker's memory: each takes 20 kB while it is drawn
 FOOTPRINT_CLEAR_M = 0.25
@@ -52,7 +52,7 @@ class OccupancyGrid:
         return float(self._origin[0]), float(self._origin[1])
 
     def add_walls(self, points_m: Points, normals_rad: FloatArray) -> None:
-        """Echoes (N, 2) and the normals (N,) of their walls: each stands for a patch, since only a surface answers."""
+        """Echoes (N, 2) and the normals (N,) of their walls: each stands for a patch, since only a surface echoes."""
         if len(points_m):
             along = np.stack([-np.sin(normals_rad), np.cos(normals_rad)], axis=1)
             patches = (points_m[:, None, :] + along[:, None, :] * _PATCH_M[None, :, None]).reshape(-1, 2)
@@ -61,7 +61,7 @@ class OccupancyGrid:
             np.add.at(self._hits, self._index(patches), 1)
 
     def add_rays(self, starts_m: Points, directions_rad: npt.ArrayLike, free_m: npt.ArrayLike) -> None:
-        """Free space along rays: starts (N, 2), directions (N,), how far (N,); infinite where nothing was heard."""
+        """Free space along rays: starts (N, 2), directions (N,), how far (N,); infinite where no echo came."""
         directions, lengths = np.asarray(directions_rad), np.asarray(free_m, dtype=np.float64)
         for i in range(0, len(starts_m), RAYS_AT_ONCE):
             part = slice(i, i + RAYS_AT_ONCE)
@@ -87,7 +87,7 @@ class OccupancyGrid:
         self._passed[index[0][open_], index[1][open_]] = True
 
     def add_footprint(self, positions_m: Points) -> None:
-        """Where the robot itself stood (N, 2) is free, whatever the sonars say."""
+        """Where the robot itself stood (N, 2) is free, whatever the sonars measure."""
         for i in range(0, len(positions_m), RAYS_AT_ONCE):
             part = positions_m[i : i + RAYS_AT_ONCE]
             if not self._make_room(part):

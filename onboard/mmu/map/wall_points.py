@@ -1,4 +1,4 @@
-"""The wall points of the map as they go out: echoes where they lie, and what was concluded between them."""
+"""The wall points of the map as they are published: echoes where they lie, and the points inferred between them."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from onboard.mmu.map.growing_rows import GrowingRows
 
 @dataclass(frozen=True, slots=True)
 class WallPoints:
-    """Places in the map (N, 2), and marks (N,): 1 where a wall was concluded, not echoed."""
+    """Places in the map (N, 2), and marks (N,): 1 where a wall was inferred, not echoed."""
 
     points_m: npt.NDArray[np.float32]
     inferred: npt.NDArray[np.uint8]
 
     @classmethod
-    def of(cls, echoed: Points, concluded: Points) -> WallPoints:
-        """Echoes (N, 2), then what was concluded from them (M, 2)."""
-        points = np.concatenate([echoed, concluded]).astype(np.float32)
-        return cls(points, np.repeat(np.array([0, 1], np.uint8), [len(echoed), len(concluded)]))
+    def of(cls, echoed: Points, inferred: Points) -> WallPoints:
+        """Echoes (N, 2), then what was inferred from them (M, 2)."""
+        points = np.concatenate([echoed, inferred]).astype(np.float32)
+        return cls(points, np.repeat(np.array([0, 1], np.uint8), [len(echoed), len(inferred)]))
 
 
 class WallStore:
-    """All of them in the order in which they go out."""
+    """All of them in the order in which they are published."""
 
     def __init__(self) -> None:
         self._points_m, self._inferred = GrowingRows(np.float32, (2,), 1024), GrowingRows(np.uint8, (), 1024)
@@ -34,8 +34,8 @@ class WallStore:
     def __len__(self) -> int:
         return len(self._points_m)
 
-    def begin_anew(self, walls: WallPoints) -> None:
-        """In place of all that was."""
+    def replace(self, walls: WallPoints) -> None:
+        """These in place of all that were kept."""
         self._points_m.replace(walls.points_m)
         self._inferred.replace(walls.inferred)
 

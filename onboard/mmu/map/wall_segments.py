@@ -1,9 +1,9 @@
-"""Straight walls through the echoes of the map, and what they leave out: corners that no sonar could hear.
+"""Straight segments of wall through the echoes of the map, and the corners between them, from which no echo comes.
 
-A sonar hears a wall at the foot of the perpendicular, so of a corner that the robot cannot drive into it hears neither
-wall up to its end. Two straight walls that both end there and face each other meet; the rest of them is concluded.
+A wall echoes at the foot of the perpendicular, so in a corner that the robot cannot drive into neither wall echoes up
+to its end. Two straight walls that both end there and face each other meet; their rest is inferred.
 
-1. Echoes that say the same are put together; the heaviest left seeds a line, which grows as long as neighbours lie on
+1. Echoes that measure the same are merged; the heaviest left seeds a line, which grows as long as neighbours lie on
    it and face alike (total least squares, weighted by how many echoes there are).
 2. Ends of two walls within GAP_MAX_M of where their lines meet are a corner, the nearest ones first, unless rays went
    through: then it is the mouth of a hall.
@@ -31,7 +31,7 @@ FACING_COS_MIN = float(np.cos(radians(20.0)))
 NEIGHBOUR_M = 0.35  # echoes further apart are no longer one wall: nothing that a robot fits through is narrower
 LENGTH_MIN_M = 0.4
 CELLS_MIN = 5
-END_M = 2.0  # of a wall: what says where it goes on to
+END_M = 2.0  # of a wall: what shows where it continues
 GAP_MAX_M = 1.3
 OVERSHOOT_M = 0.25  # a wall may seem to end that much behind the corner
 DIRECTION_SD_RAD_M = 0.05  # of a wall's direction, times its length: echoes near its end lie off, all to one side
@@ -39,18 +39,18 @@ SQUARE_SD_RAD = radians(2.0)
 SQUARE_NEAR_RAD = radians(12.0)
 CORNER_COS_MAX = float(np.cos(radians(35.0)))
 STEP_M = 0.8 / MAP_DENSITY_PER_M
-SILENT_FREE_M = 1.0  # a sonar that heard nothing several times running would have heard a wall this near
+SILENT_FREE_M = 1.0  # a wall this near would have echoed at least once
 RAY_MARGIN_M = 0.15
 SUPPORT = 3  # echoes close together on each side of a gap: one alone may lie beside the wall's end
-RAYS_MAX = 3  # through a wall: more were no accident
-SQUARE_COS_MIN = float(np.cos(radians(30.0)))  # a ray that meets a wall less squarely may have been thrown off
+RAYS_MAX = 3  # through a wall: more are no accident
+SQUARE_COS_MIN = float(np.cos(radians(30.0)))  # a ray that meets a wall less squarely may have been reflected away
 RAY_REACH_M = 4.0
 
 Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Wall:
+class WallSegment:
     """A straight wall from `low` to `high`, (2,) each; `normal` points away from the robot, `along` to `high`."""
 
     low: FloatArray
@@ -95,7 +95,7 @@ class End:
 
 
 class Rays:
-    """Space that was seen to be free: from (R, 2) along (R,) so far (R,), infinite where nothing was heard."""
+    """Space that was observed to be free: from (R, 2) along (R,) so far (R,), infinite where no echo came."""
 
     def __init__(self, starts: Points, directions_rad: FloatArray, free_m: FloatArray) -> None:
         self._starts = starts
@@ -116,7 +116,7 @@ class Rays:
         return int((square & (t > 0) & (t < free_m) & (s > 0) & (s < 1)).sum()) > RAYS_MAX
 
 
-def concluded(echoes: Points, normals_rad: FloatArray, rays: Rays) -> Points:
+def inferred_points(echoes: Points, normals_rad: FloatArray, rays: Rays) -> Points:
     """Wall points (M, 2) that nothing echoed from; echoes (N, 2), normals (N,) of their walls, away from the robot."""
     walls = straight_walls(echoes, normals_rad)
     pieces = [piece for wall in walls for piece in _gaps(wall)]
@@ -124,11 +124,11 @@ def concluded(echoes: Points, normals_rad: FloatArray, rays: Rays) -> Points:
     return np.concatenate([np.zeros((0, 2)), *(_filled(a, b) for a, b in pieces)])
 
 
-def straight_walls(points: Points, normals_rad: FloatArray) -> list[Wall]:
+def straight_walls(points: Points, normals_rad: FloatArray) -> list[WallSegment]:
     """The longest runs of echoes (N, 2) with normals (N,) that lie on one line."""
     p, n, weight = _thinned(points, normals_rad)
     free: Mask = np.ones(len(p), dtype=np.bool_)
-    walls: list[Wall] = []
+    walls: list[WallSegment] = []
     for seed in np.argsort(-weight, kind="stable").tolist():
         if not free[seed]:
             continue
@@ -142,7 +142,7 @@ def straight_walls(points: Points, normals_rad: FloatArray) -> list[Wall]:
         share = (p[members] - middle) @ along
         if np.ptp(share) >= LENGTH_MIN_M:
             low, high = middle + share.min() * along, middle + share.max() * along
-            walls.append(Wall(low, high, normal, along, p[members][np.argsort(share)]))
+            walls.append(WallSegment(low, high, normal, along, p[members][np.argsort(share)]))
     return walls
 
 
@@ -173,19 +173,19 @@ def _grown(p: Points, n: Points, weight: FloatArray, free: Mask, seed: int) -> n
         if len(members) < CELLS_MIN:
             return None
         if reach_m == np.inf:
-            members = _joined(members, along[members], along[seed])
+            members = _contiguous(members, along[members], along[seed])
             return members if len(members) >= CELLS_MIN else None
         middle, normal = _line(p[members], weight[members], normal)
     return None
 
 
-def _joined(members: npt.NDArray[np.int64], along: FloatArray, at: float) -> npt.NDArray[np.int64]:
+def _contiguous(members: npt.NDArray[np.int64], along: FloatArray, at: float) -> npt.NDArray[np.int64]:
     """Those of the run without gaps that holds the place `at`."""
     order = np.argsort(along, kind="stable")
     runs = np.concatenate([[0], np.cumsum(np.diff(along[order]) > NEIGHBOUR_M)])
     run = runs[np.abs(along[order] - at).argmin()]
-    joined: npt.NDArray[np.int64] = members[order[runs == run]]
-    return joined
+    contiguous: npt.NDArray[np.int64] = members[order[runs == run]]
+    return contiguous
 
 
 def _line(p: Points, weight: FloatArray, facing: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -197,7 +197,7 @@ def _line(p: Points, weight: FloatArray, facing: FloatArray) -> tuple[FloatArray
     return middle, normal if normal @ facing > 0 else -normal
 
 
-def corners(walls: list[Wall], rays: Rays) -> list[list[tuple[FloatArray, FloatArray]]]:
+def corners(walls: list[WallSegment], rays: Rays) -> list[list[tuple[FloatArray, FloatArray]]]:
     """For each corner the pieces (from, to) that lead to it."""
     ends = [(i, wall.end(high)) for i, wall in enumerate(walls) for high in (False, True)]
     if len(ends) < 2:
@@ -222,7 +222,7 @@ def corners(walls: list[Wall], rays: Rays) -> list[list[tuple[FloatArray, FloatA
 
 
 def _squared(a: End, b: End) -> tuple[End, End]:
-    """Walls that nearly stand at a right angle do so the more, the less their own directions say."""
+    """Walls nearly at a right angle are turned towards it, the more, the less their own directions are known."""
     off_rad = asin(max(-1.0, min(1.0, float(a.out @ b.out))))
     if abs(off_rad) > SQUARE_NEAR_RAD:
         return a, b
@@ -247,8 +247,8 @@ def _meet(a: End, b: End) -> tuple[float, list[tuple[FloatArray, FloatArray]]] |
     return max(gap_a, 0.0) + max(gap_b, 0.0), legs
 
 
-def _gaps(wall: Wall) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Pieces (from, to) of a wall that its echoes leave out."""
+def _gaps(wall: WallSegment) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Pieces (from, to) of a wall from which no echo came."""
     share = wall.members @ wall.along
     for i in np.flatnonzero(np.diff(share) > 1.0 / MAP_DENSITY_PER_M).tolist():
         before = share[max(i - SUPPORT + 1, 0) : i + 1]
