@@ -8,7 +8,7 @@ would take an hour for a kilometre.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import hypot, pi, radians
+from math import hypot, radians
 from random import Random
 
 import numpy as np
@@ -22,7 +22,7 @@ from common.constants import (
     TICK_M,
     WHEEL_TRACK_M,
 )
-from common.geometry import FloatArray, Pose2, wrap_angle
+from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
 from common.messages import Odometry, Ranges
 
 LENGTH_M, WIDTH_M, HALL_M, MIDDLE_M = 58.0, 20.0, 2.0, 29.0
@@ -108,7 +108,7 @@ class Course:
         return tuple(self._heard(b, bearing, distance[near]) for b in SONAR_BEARINGS_RAD)
 
     def _heard(self, bearing_rad: float, bearings: FloatArray, distances: FloatArray) -> float:
-        off = (bearings - bearing_rad + pi) % (2 * pi) - pi
+        off = wrap_angles(bearings - bearing_rad)
         in_beam = distances[np.abs(off) < BEAM_HALF_RAD]
         if not len(in_beam) or self._random.random() < LOST_SHARE:
             return float("nan")

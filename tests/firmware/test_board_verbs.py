@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from math import degrees, inf, pi
+from math import degrees, inf
 from pathlib import Path
 
 import pytest
 
 from common.config import Config, config_text, load_config
 from common.errors import StartError
-from common.geometry import Pose2
+from common.geometry import Pose2, wrap_angle
 from common.messages import Speed
 from deploy.board_link import WrongFirmware
 from deploy.board_session import BoardSession
@@ -176,7 +176,7 @@ def test_turns_on_the_spot_find_the_scale_of_the_gyro(stand: Stand) -> None:
             begun.append(stand.world.truth.heading_rad)
             return ""
         missed_rad = stand.world.truth.heading_rad - begun[0]
-        return f"{degrees((missed_rad + pi) % (2 * pi) - pi):.1f}"
+        return f"{degrees(wrap_angle(missed_rad)):.1f}"
 
     assert calibrate_gyro(stand.session, person, stand.told.append) == 0
     scale = float(stand.told[-2].split()[3])

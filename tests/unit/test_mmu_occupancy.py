@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
-from onboard.mmu.map.occupancy import CELL_M, FREE, UNKNOWN, WALL, OccupancyGrid
+from common.grid_cells import FREE, UNKNOWN, WALL
+from onboard.mmu.map.occupancy import CELL_M, OccupancyGrid
 
 START = np.array([[0.05, 0.05]])
 

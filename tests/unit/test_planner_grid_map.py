@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
+from common.grid_cells import FREE, UNKNOWN, WALL
 from common.messages import GridUpdate
-from onboard.planner.grid.grid_map import FREE, UNKNOWN, WALL, GridMap, close_slivers
+from onboard.planner.grid.grid_map import GridMap, close_slivers
 from onboard.planner.grid.grid_reading import GridError, GridReader, read
 from onboard.planner.grid.sliced_work import Sliced, at_once
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
+from common.grid_cells import FREE
 from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S, STAGNANT_S, Obstacles, Stillness, TriedBranches
-from onboard.planner.grid.grid_map import FREE, GridMap
+from onboard.planner.grid.grid_map import GridMap
 
 GRID = GridMap(np.full((40, 40), FREE, np.uint8), 0.0, 0.0, 0.1)
 HERE = Pose2(1.0, 2.0, 0.5)

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.geometry import Pose2, wrap_angle
+from common.grid_cells import WALL
 from onboard.planner.exploration.wall_imaging import WallImaging, beginning, box_sum, wall_normals
-from onboard.planner.grid.grid_map import WALL, GridMap
+from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.sliced_work import at_once
 from tests.unit.test_planner_grid_map import drawn, hall
 

@@ -7,7 +7,7 @@ ranges from a moving robot does (`echo_direction`).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import cos, pi, radians, sin
+from math import cos, radians, sin
 
 import numpy as np
 
@@ -189,4 +189,4 @@ class BeamTrack:
 
 
 def _turn(a: Sample, b: Sample) -> float:
-    return abs((b.pose.heading_rad - a.pose.heading_rad + pi) % (2 * pi) - pi)
+    return abs(wrap_angle(b.pose.heading_rad - a.pose.heading_rad))

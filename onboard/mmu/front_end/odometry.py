@@ -7,7 +7,7 @@ corrected by the map.
 
 from __future__ import annotations
 
-from math import cos, hypot, isfinite, pi, radians, sin
+from math import cos, hypot, isfinite, radians, sin
 
 import numpy as np
 
@@ -137,7 +137,7 @@ class OdometryFilter:
     def _correct(self) -> None:
         heading_rad, drift_rad = float(self._filter.x[2, 0]), float(self._filter.x[3, 0])
         expected = heading_rad + drift_rad
-        z = expected + (self._yaw_unwrapped_rad - expected + pi) % (2 * pi) - pi
+        z = expected + wrap_angle(self._yaw_unwrapped_rad - expected)
         row = np.array([[0.0, 0.0, 1.0, 1.0]])
         self._filter.update(
             np.array([[z]]),

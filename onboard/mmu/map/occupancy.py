@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import FloatArray, Points
+from common.grid_cells import FREE, UNKNOWN, WALL
 
 CELL_M = 0.1
 GROWTH_CELLS = 100
 DRAWN_MAX_M = 500.0  # from the map's zero, in x and y: memory follows the floor, not the worst pose
-UNKNOWN, FREE, WALL = 0, 1, 2
 RAY_SPREAD_RAD = tuple(radians(a) for a in (-8.0, -4.0, 0.0, 4.0, 8.0))
 RAY_MARGIN_M = 0.15  # a ray ends this far before its echo
 RAY_MAX_M = 6.2

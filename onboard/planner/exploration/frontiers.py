@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import Points, Pose2
-from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, UNKNOWN, Cell, GridMap, Mask
+from common.grid_cells import UNKNOWN
+from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, Cell, GridMap, Mask
 
 GROUP_CELLS_MIN = 5
 GROUP_COARSENESS = 2  # grid cells

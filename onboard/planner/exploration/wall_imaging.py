@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from common.constants import CAMERA_FIELD_OF_VIEW_RAD, CAMERA_INCIDENCE_MAX_RAD, CAMERA_RANGE_M
-from common.geometry import FloatArray, Points, Pose2, wrap_angle
+from common.geometry import FloatArray, Points, Pose2, wrap_angle, wrap_angles
+from common.grid_cells import WALL
 from onboard.planner.exploration.frontiers import Cells, considered
-from onboard.planner.grid.grid_map import WALL, Cell, GridMap, Mask
+from onboard.planner.grid.grid_map import Cell, GridMap, Mask
 from onboard.planner.grid.grid_reading import tiles
 from onboard.planner.grid.sliced_work import Work
 
@@ -190,7 +191,7 @@ def _in_view(grid: GridMap, pose: Pose2) -> tuple[Cells, Points, FloatArray]:
     points = grid.centres(cells)
     d = points - np.array([pose.x_m, pose.y_m])
     view_rad = np.arctan2(d[:, 1], d[:, 0])
-    aside = np.abs((view_rad - (pose.heading_rad - pi / 2) + pi) % (2 * pi) - pi)
+    aside = np.abs(wrap_angles(view_rad - (pose.heading_rad - pi / 2)))
     keep = (np.hypot(d[:, 0], d[:, 1]) <= CAMERA_RANGE_M) & (aside <= CAMERA_FIELD_OF_VIEW_RAD / 2)
     return cells[keep], points[keep], view_rad[keep]
 

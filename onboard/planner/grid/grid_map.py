@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M
 from common.geometry import Points
+from common.grid_cells import FREE, UNKNOWN, WALL
 
-UNKNOWN, FREE, WALL = 0, 1, 2
 CLEARANCE_MAX_CELLS = 16
 LINE_STEPS_MAX = 20_000  # over a kilometre; from one end of any floor to the other
 STAND_CLEARANCE_M = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from common.grid_cells import UNKNOWN
 from common.messages import GridUpdate
-from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, UNKNOWN, GridMap, close_slivers
+from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, GridMap, close_slivers
 from onboard.planner.grid.sliced_work import Sliced, Work
 
 MARGIN_CELLS = 4  # around what is known

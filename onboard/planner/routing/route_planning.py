@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import Pose2
-from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, FREE, STAND_CLEARANCE_M, Cell, GridMap, Mask
+from common.grid_cells import FREE
+from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, STAND_CLEARANCE_M, Cell, GridMap, Mask
 from onboard.planner.grid.sliced_work import Work
 
 COMFORT_M = 0.8  # nearer to a wall than this a path costs more
