@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import io
 import sys
+from collections.abc import Iterable
 from typing import NoReturn
 
 from common.errors import StartError, sentence
-from deploy import (
-    bench_verb,
-    board_verbs,
-    calibrate_verb,
-    deploy_verbs,
-    node_verb,
-    operator_verbs,
-    record_verbs,
-    replay_verb,
-    run_verbs,
-    vision_verbs,
-)
+
+# Module of `deploy.verbs` -> its verbs. Only the module of the verb that is given is loaded: a stop must not wait until
+# the mapping unit, the simulator and their libraries are
+FAMILIES = {
+    "simulation": ("local", "simulate", "floors"),
+    "replay": ("replay",),
+    "node": ("node", "command-center"),
+    "operator": ("estop", "release", "start", "pause", "resume", "home", "goto"),
+    "records": ("runs", "export"),
+    "signs": ("read-signs",),
+    "service": ("check-sensors", "drive", "calibrate"),
+    "deployment": ("deploy",),
+    "bench": ("bench",),
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -28,28 +32,23 @@ class _Parser(argparse.ArgumentParser):
         sys.exit(2)
 
 
-def build_parser() -> argparse.ArgumentParser:
+def build_parser(families: Iterable[str] = tuple(FAMILIES)) -> argparse.ArgumentParser:
     """Every verb sets `run`, a function of the parsed arguments that returns the exit code."""
     parser = _Parser(prog="indoor-mapping", description="A robot that explores a floor on its own and maps it.")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
-    for family in (
-        run_verbs,
-        replay_verb,
-        node_verb,
-        operator_verbs,
-        record_verbs,
-        vision_verbs,
-        board_verbs,
-        calibrate_verb,
-        deploy_verbs,
-        bench_verb,
-    ):
-        family.add_verbs(verbs)
+    for family in families:
+        importlib.import_module(f"deploy.verbs.{family}").add_verbs(verbs)
     return parser
 
 
+def families_of(words: list[str]) -> tuple[str, ...]:
+    """The family whose verb comes first among the words; all where there is none, for help and complaints."""
+    return tuple(family for family, verbs in FAMILIES.items() if words and words[0] in verbs) or tuple(FAMILIES)
+
+
 def main(argv: list[str] | None = None) -> int:
-    arguments = build_parser().parse_args(argv)
+    words = sys.argv[1:] if argv is None else argv
+    arguments = build_parser(families_of(words)).parse_args(words)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name that the terminal's alphabet lacks ends nothing
     try:

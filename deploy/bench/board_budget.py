@@ -22,7 +22,7 @@ from common.messages import TOPICS
 from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
 from deploy.bench.process_cost import between, command_line, family, memory, threads
-from deploy.process_table import PROCESSES
+from deploy.local.process_table import PROCESSES
 
 FLOOR = "office"  # more than 40 m of hall
 SETTLE_S = 20.0  # from the start of the mission, until the map is large enough to be worth something

@@ -29,7 +29,7 @@ from common.messages import POSE, PoseEstimate
 from common.zenoh_bus import ZenohBus
 from common.zenoh_session import lease_s, main_channel, open_session
 from deploy.bench.machine import percentiles
-from deploy.local_mesh import free_port
+from deploy.local.mesh import free_port
 
 LATENCY_PERIOD_S = 0.005
 LATENCY_COUNT = 200  # per round: short turns, so that a machine with other work to do is as busy for both

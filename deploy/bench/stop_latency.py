@@ -22,10 +22,10 @@ from common.messages import PERMIT, POI, POSE, Operation, PointOfInterest
 from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
 from deploy.bench.relay import Relay
-from deploy.local_mesh import free_port
-from deploy.operator_verbs import ask_release, operate, press_stop
-from deploy.process_table import BY_NAME
-from deploy.supervisor import Supervisor
+from deploy.local.mesh import free_port
+from deploy.local.process_table import BY_NAME
+from deploy.local.supervisor import Supervisor
+from deploy.verbs.operator import ask_release, operate, press_stop
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Demand
 from offboard.simulator.options import floor_path

@@ -7,7 +7,7 @@ from math import degrees
 from typing import Any
 
 from common.messages import Speed
-from deploy.board_link import BoardLink
+from deploy.boards.board_link import BoardLink
 from offboard.simulator.board import Board
 from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
 from offboard.simulator.floor import parse_floor

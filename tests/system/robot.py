@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from common.messages import STATUS, Operation, Permit
-from deploy.process_table import BY_NAME
+from deploy.local.process_table import BY_NAME
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Demand, Look
 from offboard.simulator.options import FLOORS

@@ -21,7 +21,7 @@ import pytest
 
 from common.config import PoiSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, POSE, STATUS, Operation, OperatorCommand
-from deploy.process_table import BY_NAME
+from deploy.local.process_table import BY_NAME
 from offboard.simulator.options import FLOORS
 from tests.system.conftest import Mesh, free_port, until
 from tests.system.footprint import Footprints

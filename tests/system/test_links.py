@@ -17,7 +17,7 @@ import pytest
 
 from common.config import CommSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, STATUS, Operation, OperatorCommand
-from deploy.process_table import BY_NAME
+from deploy.local.process_table import BY_NAME
 from offboard.simulator.options import FLOORS
 from offboard.simulator.process import MOTORS_NAME
 from tests.system.center import Center

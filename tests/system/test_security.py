@@ -45,7 +45,7 @@ from offboard.runs.run_database import RunReader
 from tests.system.center import Center
 from tests.system.conftest import Mesh, free_endpoint, until
 
-certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
+certificates = pytest.importorskip("deploy.boards.certificates", reason="pip install cryptography")
 pytestmark = pytest.mark.timeout(60)
 FLOOD_S = 1.5
 LATER = datetime.now(UTC) + timedelta(days=1)

@@ -12,9 +12,9 @@ import pytest
 from common.access import ROLES
 from common.errors import StartError
 from common.keys import AUTHORITY, CERTIFICATE, COMMAND_KEY, PRIVATE_KEY, checked_folder, read_command_key
-from deploy.deploy_verbs import hosts_of
+from deploy.verbs.deployment import hosts_of
 
-certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
+certificates = pytest.importorskip("deploy.boards.certificates", reason="pip install cryptography")
 LATER = datetime.now(UTC) + timedelta(days=1)
 HOSTS = {"robot": ["127.0.0.1", "robot.local"]}
 

@@ -11,7 +11,7 @@ from common.config import Config, MeshSection
 from common.errors import StartError
 from common.zenoh_session import NEIGHBOURS, Channel, Mode, command_channel, main_channel
 
-certificates = pytest.importorskip("deploy.certificates", reason="pip install cryptography")
+certificates = pytest.importorskip("deploy.boards.certificates", reason="pip install cryptography")
 ROUTER, LAPTOP_ROUTER = MeshSection().router, MeshSection().laptop_router
 LISTEN, ROBOT = "tls/0.0.0.0:7449", "tls/robot:7449"
 MODULES = ("bridge", "mmu", "planner", "poi", "visualizer", "command_center", "simulator", "local")

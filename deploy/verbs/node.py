@@ -11,7 +11,7 @@ from typing import Any
 from common.config import load_config
 from common.errors import StartError
 from common.process import argument_parser
-from deploy.process_table import BY_NAME
+from deploy.local.process_table import BY_NAME
 
 
 def add_verbs(verbs: Any) -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from deploy.local_mesh import run_local
+from deploy.local.mesh import run_local
 from offboard.simulator.errors import PROFILES
 from offboard.simulator.options import CAMERAS, DEFAULT_FLOOR, RunOptions, floor_path, load_world, own_floors
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from enum import Enum
 
-from deploy.process_table import BY_NAME
+from deploy.local.process_table import BY_NAME
 
 END_TIMEOUT_S = 5.0
 _KEEP_CODE = 3

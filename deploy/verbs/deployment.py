@@ -36,7 +36,7 @@ def _keys(arguments: argparse.Namespace) -> int:
     if importlib.util.find_spec("cryptography") is None:
         raise StartError("Making keys needs the package cryptography: run ./deploy/local.sh --setup-only once.")
     # Only where keys are made is there that package
-    from deploy.certificates import VALID_FOR, make_keys
+    from deploy.boards.certificates import VALID_FOR, make_keys
 
     folder: Path = arguments.to
     until = datetime.now(UTC) + VALID_FOR

@@ -31,7 +31,7 @@ from common.constants import SENSOR_RATE_HZ
 from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, RANGES, Odometry, Ranges, Topic
 from common.zenoh_bus import ZenohBus
-from offboard.evaluate.mapping_course import Course
+from deploy.bench.mapping_course import Course
 from onboard.mmu.back_end.worker import ProcessWorker
 from onboard.mmu.mmu import MappingUnit
 
@@ -188,7 +188,7 @@ def bench(quick: bool = False) -> None:
 
 
 def _own_command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "offboard.evaluate.mapping_cost", *arguments]
+    return [sys.executable, "-m", "deploy.bench.mapping_cost", *arguments]
 
 
 def _run(command: list[str], **options: Any) -> subprocess.CompletedProcess[str]:

@@ -19,7 +19,7 @@ from common.environment import PROCESS_ENVIRONMENT
 RESTART_PAUSE_S = 1.0  # RestartSec of the units
 SHORT_LIFE_S = 5.0
 SHORT_LIVES_MAX = 5  # a process that dies so often so soon will not come up at all
-_ROOT = Path(__file__).resolve().parents[1]
+_ROOT = Path(__file__).resolve().parents[2]
 
 _log = logging.getLogger("local")
 

@@ -14,9 +14,11 @@ from common.config import Config, config_text, load_config
 from common.errors import StartError
 from common.geometry import Pose2, wrap_angle
 from common.messages import Speed
-from deploy.board_link import WrongFirmware
-from deploy.board_session import BoardSession
-from deploy.board_verbs import HandDrive, _calibrated, calibrate_gyro, calibrate_wheels, check_sensors
+from deploy.boards.board_link import WrongFirmware
+from deploy.boards.board_session import BoardSession
+from deploy.service.body_calibration import calibrate_gyro, calibrated, measure_wheels
+from deploy.service.hand_drive import HandDrive
+from deploy.service.sensor_check import check_sensors
 from offboard.evaluate.umbmark import end_point, fit_wheels
 from offboard.simulator.board import HostBoard
 from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
@@ -131,7 +133,7 @@ def person_with_tape_measure(stand: Stand) -> Callable[[str], str]:
 
 
 def test_squares_both_ways_find_wheels_and_track(stand: Stand, tmp_path: Path) -> None:
-    fit = calibrate_wheels(stand.session, 2.0, 2, person_with_tape_measure(stand), stand.told.append)
+    fit = measure_wheels(stand.session, 2.0, 2, person_with_tape_measure(stand), stand.told.append)
     errors = stand.world.errors
     assert fit.diameter_m == pytest.approx(
         0.066 * (errors.left_diameter_factor + errors.right_diameter_factor) / 2, rel=0.004
@@ -139,16 +141,16 @@ def test_squares_both_ways_find_wheels_and_track(stand: Stand, tmp_path: Path) -
     assert fit.ratio == pytest.approx(errors.right_diameter_factor / errors.left_diameter_factor, abs=0.002)
     assert fit.track_m == pytest.approx(0.30 * errors.track_factor, rel=0.005)
     written = tmp_path / "robot.toml"
-    written.write_text(config_text(_calibrated(Config(), fit)), encoding="utf-8")
+    written.write_text(config_text(calibrated(Config(), fit)), encoding="utf-8")
     assert load_config(written).wheels.track_m == pytest.approx(fit.track_m, abs=1e-5)
 
 
-def test_a_robot_with_other_wheels_measures_right_once_they_are_calibrated(tmp_path: Path) -> None:
+def test_a_robot_with_other_wheels_measures_right_once_they_arecalibrated(tmp_path: Path) -> None:
     stand = Stand(replace(NO_SLIP, diameter_mean_sd=0.05), seed=2)
     stand.session.connect()
     file = tmp_path / "robot.toml"
-    fit = calibrate_wheels(stand.session, 2.0, 1, person_with_tape_measure(stand), stand.told.append)
-    file.write_text(config_text(_calibrated(Config(), fit)), encoding="utf-8")
+    fit = measure_wheels(stand.session, 2.0, 1, person_with_tape_measure(stand), stand.told.append)
+    file.write_text(config_text(calibrated(Config(), fit)), encoding="utf-8")
     before, after = (Slam(DeferredWorker(), carrier_of(config)) for config in (Config(), load_config(file)))
 
     start = stand.world.truth
@@ -178,14 +180,14 @@ def test_turns_on_the_spot_find_the_scale_of_the_gyro(stand: Stand) -> None:
         missed_rad = stand.world.truth.heading_rad - begun[0]
         return f"{degrees(wrap_angle(missed_rad)):.1f}"
 
-    assert calibrate_gyro(stand.session, person, stand.told.append) == 0
+    assert calibrate_gyro(stand.session, argparse.Namespace(), person, stand.told.append) == 0
     scale = float(stand.told[-2].split()[3])
     assert scale == pytest.approx(stand.world.errors.gyro_scale_factor, abs=0.002)
     assert "kGyroLsbPer10Dps" in stand.told[-1]
 
 
 def test_firmware_of_another_version_is_told_in_one_sentence(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deploy.board_link.protocol.HASH", 1)
+    monkeypatch.setattr("deploy.boards.board_link.protocol.HASH", 1)
     stand.world.reset_board()
     with pytest.raises(WrongFirmware, match=r"flash this version's firmware"):
         stand.session.run(1.0)

@@ -7,7 +7,7 @@ from math import hypot
 
 from common.errors import StartError
 from common.messages import Speed
-from deploy.board_link import BoardLink
+from deploy.boards.board_link import BoardLink
 from onboard.bridge.protocol import Message, Odo, OdoFlag, SimState
 from onboard.bridge.serial_port import Port
 

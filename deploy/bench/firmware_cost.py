@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 from common.messages import Speed
-from deploy.board_link import BoardLink
+from deploy.boards.board_link import BoardLink
 from offboard.simulator.avr_board import AvrBoard, build_avr_firmware
 from offboard.simulator.errors import PROFILES, random_stream
 from offboard.simulator.floor import load_floor

@@ -27,9 +27,9 @@ from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, PlannerView
 from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
-from deploy.process_table import PROCESSES, ProcessSpec
-from deploy.supervisor import ProcessFailed, Supervisor
-from deploy.terminal_ui import Left, TerminalUi, has_terminal
+from deploy.local.process_table import PROCESSES, ProcessSpec
+from deploy.local.supervisor import ProcessFailed, Supervisor
+from deploy.local.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
