@@ -241,6 +241,22 @@ class Trajectory:
     valid: bool = True
 
 
+class Outcome(Enum):
+    """How the newest order to the Planner ended (onboard/planner/mission/table.py)."""
+
+    NONE = "none"  # not ended, or none was given
+    FINISHED = "finished"  # everything that can be reached is explored, and the robot is home
+    HOME = "home"  # sent home before that, and there
+    ARRIVED = "arrived"  # at the place of a goto
+    GAVE_UP = "gave up"  # no path led there for too long
+    STOPPED = "stopped"  # a latched stop holds it; it goes on after release and resume
+
+    @property
+    def ends_mission(self) -> bool:
+        """Is the run over, as far as the robot is concerned?"""
+        return self in (Outcome.FINISHED, Outcome.HOME, Outcome.GAVE_UP)
+
+
 @dataclass(frozen=True, slots=True)
 class PlannerView:
     """What the Planner is about, for people: mode, where it drives, what is still on the list."""
@@ -251,9 +267,11 @@ class PlannerView:
     path_m: PathPoints
     halls_open: Count
     area_m2: SquareMetres
-    finished: bool
+    outcome: Outcome = Outcome.NONE
     valid: bool = True
-    command_id: CommandId = 0  # of the newest OperatorCommand that was taken
+    command_id: CommandId = 0  # of the newest OperatorCommand that was answered
+    refused: bool = False  # that command does nothing
+    note: Text = ""  # what its sender should read about it
 
 
 class PoiCommand(Enum):

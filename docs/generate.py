@@ -1,4 +1,4 @@
-"""Writes the parts of the pages that the code knows best: settings, topics, error codes, verbs.
+"""Writes the parts of the pages that the code knows best: settings, topics, error codes, verbs, the mission.
 
     .venv/bin/python docs/generate.py
 
@@ -23,6 +23,7 @@ from common.errors import ERRORS
 from common.messages import INTERNAL_FLOWS, TOPICS, LogLine, Status, Topic
 from common.rules import Between
 from deploy.cli import build_parser
+from onboard.planner.mission.table import ALL, ENDED, TABLE, Event, Mode, Row
 
 ROOT = Path(__file__).resolve().parents[1]
 PART = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- /generated: \2 -->)", re.DOTALL)
@@ -170,7 +171,53 @@ def verbs() -> str:
     return "\n\n".join(texts)
 
 
+def mission_table() -> str:
+    """Every row of the mission's table."""
+
+    def ends(row: Row) -> str:
+        if row.reaches_aim:
+            return "the aim"
+        return "" if row.outcome is None else row.outcome.name
+
+    def modes(row: Row) -> str:
+        return "every mode" if row.modes == ALL else " ".join(mode.name for mode in row.modes)
+
+    rows = [
+        (
+            f"{row.event.name}: {row.event.value}",
+            modes(row),
+            f'refused: "{row.refused}"' if row.refused else row.to.name if row.to is not None else "the same",
+            row.aim.name if row.aim is not None else "",
+            ends(row),
+        )
+        for row in TABLE
+    ]
+    return _table("event | in mode | next mode | aim | outcome", rows)
+
+
+def mission_modes() -> str:
+    """What each mode is, and what each outcome means to people."""
+    modes = [(mode.name, mode.value) for mode in Mode]
+    outcomes = [(outcome.name, text) for outcome, text in ENDED.items()]
+    return _table("mode | what people read", modes) + "\n\n" + _table("outcome in DONE | what people read", outcomes)
+
+
+def mission_diagram() -> str:
+    """The ways between the modes that are not open in all of them."""
+    arrows: dict[tuple[str, str], list[str]] = {}
+    for row in TABLE:
+        if row.to is None or row.refused or row.event in (Event.GO_HOME, Event.GO_TO):
+            continue
+        for mode in row.modes:
+            arrows.setdefault((mode.name, row.to.name), []).append(row.event.name)
+    lines = [f"    {a} --> {b}: {', '.join(dict.fromkeys(events))}" for (a, b), events in arrows.items()]
+    return "\n".join(["```mermaid", "stateDiagram-v2", "    [*] --> WAITING", *lines, "```"])
+
+
 PARTS: dict[str, Callable[[], str]] = {
+    "mission-table": mission_table,
+    "mission-modes": mission_modes,
+    "mission-diagram": mission_diagram,
     "settings": settings,
     "topics": topics,
     "errors": errors,

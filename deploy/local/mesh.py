@@ -24,7 +24,7 @@ from common.clock import FreeClock
 from common.config import BridgeSection, Config, MeshSection, PoiSection, VisualizerSection, config_text, with_camera
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
-from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, PlannerView
+from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, Outcome, PlannerView
 from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
 from deploy.local.process_table import PROCESSES, ProcessSpec
@@ -83,7 +83,7 @@ def run_local(options: RunOptions) -> int:
     try:
         return mesh.run()
     except Interrupted:
-        if mesh.finished:
+        if mesh.exit_code == 0:
             return 0
         print("Ended before the mission was finished.", file=sys.stderr)
         return 130
@@ -137,10 +137,15 @@ class LocalRun:
         self._started_wall_s = time.monotonic()
         self._began_s: float | None = None  # on the mission's clock
         self._person_halted = False  # stopped or paused, and nobody has said since that the robot may go on
-        self.finished = False  # the mission, as the Planner said last
+        self._outcome = Outcome.NONE  # of the mission, as the Planner published it last
         self._console = console
         self._screen: TerminalUi | None = None
-        self._ends_when_finished = True
+        self._ends_with_mission = True
+
+    @property
+    def exit_code(self) -> int:
+        """0 where the mission has ended as it should, or as a person ordered."""
+        return 0 if self._outcome in (Outcome.FINISHED, Outcome.HOME) else 1
 
     def run(self) -> int:
         print(f"Starting the robot on the floor {self._options.floor.stem}; run folder {self._folder}", flush=True)
@@ -167,7 +172,7 @@ class LocalRun:
             self._end_in_order()
             if view is not None and self._began_s is not None:
                 self._summarise(view)
-        return 0
+        return self.exit_code
 
     def close(self) -> None:
         """Ends every process that was started."""
@@ -246,7 +251,7 @@ class LocalRun:
 
     def _open_screen(self) -> None:
         """From here on the terminal is the Command Center's; the mesh ends when a person says so."""
-        self._ends_when_finished = False
+        self._ends_with_mission = False
         self._console.setLevel(logging.CRITICAL + 1)
         arguments = ["--config", str(self._config_file), "--log-dir", str(self._work), "--run-dir", str(self._folder)]
         self._screen = TerminalUi(arguments)
@@ -280,9 +285,9 @@ class LocalRun:
                     self._began_s = view.t_s
                 if self._options.headless:
                     self._start_again(bus, view)
-                self.finished = view.finished
-                if self.finished and self._ends_when_finished:
-                    print("The mission is finished.", flush=True)
+                self._outcome = view.outcome
+                if self._outcome.ends_mission and self._ends_with_mission:
+                    print(f"The mission has ended: {view.detail}.", flush=True)
                     self._await_recorded(bus)
                     return
                 if time.monotonic() >= next_s and self._began_s is not None and self._screen is None:
@@ -337,8 +342,8 @@ class LocalRun:
             seed=options.seed,
             start=options.start,
             options=options.as_dict(),
-            finished=view.finished,
-            reason=view.detail if view.finished else f"ended while {view.detail}",
+            outcome=view.outcome,
+            reason=view.detail if view.outcome.ends_mission else f"ended while {view.detail}",
             simulated_time_s=round(view.t_s - (self._began_s or view.t_s), 3),
             wall_time_s=round(time.monotonic() - self._started_wall_s, 3),
             steps=read_steps(self._work),

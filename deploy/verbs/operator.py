@@ -160,7 +160,7 @@ def _operation(arguments: argparse.Namespace) -> int:
             print(hindrance, file=sys.stderr)
             return 1
         answer = operate(bus, operation, x_m, y_m)
-        sentence = operations.result_sentence(arguments.verb, answer, bus.latest(PERMIT))
+        sentence = operations.result_sentence(arguments.verb, answer, bus.latest(PERMIT), bus.latest(PLAN))
         print(sentence, file=sys.stdout if answer is Answer.TAKEN else sys.stderr)
         return 0 if answer is Answer.TAKEN else 1
     finally:

@@ -222,7 +222,7 @@ class CommandCenter:
                 self._pending_due_s = now_s + operations.REPEAT_S
                 bus.publish(OPERATION, self._pending.command)
             return
-        sentence = operations.result_sentence(self._result.operation, answer, permit)
+        sentence = operations.result_sentence(self._result.operation, answer, permit, view)
         self._result = replace(self._result, answer=answer, sentence=sentence)
         self._pending = None
         _log.info("operation=%s answer=%s", self._result.operation, answer.name)

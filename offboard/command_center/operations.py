@@ -21,6 +21,7 @@ _COMMAND_ID_BITS = 31
 class Answer(Enum):
     WAITING = "not answered yet"
     TAKEN = "the Planner took it"
+    REFUSED = "the Planner refused it"
     NONE = "nobody answered"
 
 
@@ -34,6 +35,8 @@ class PendingOperation:
     def answer(self, view: PlannerView | None, permit: Permit | None, now_s: float) -> Answer:
         """With the newest view and permit, None where none came."""
         acknowledged = view is not None and view.command_id == self.command.command_id
+        if acknowledged and view is not None and view.refused:
+            return Answer.REFUSED
         if acknowledged and (self.command.operation is not Operation.RESUME or _resumed(self.command, permit)):
             return Answer.TAKEN
         return Answer.NONE if now_s - self.since_s > ANSWER_TIMEOUT_S else Answer.WAITING
@@ -55,11 +58,14 @@ def hindrance(operation: Operation, permit: Permit | None) -> str:
     return ""
 
 
-def result_sentence(operation: str, answer: Answer, permit: Permit | None) -> str:
+def result_sentence(operation: str, answer: Answer, permit: Permit | None, view: PlannerView | None) -> str:
     """What a person is told about a command that is over."""
     held = permit.reason if permit is not None and (permit.stop_sources or not permit.resumed) else ""
     if answer is Answer.TAKEN:
-        return f"The planner took the {operation}{f', but the robot stands: {held}' if held else ''}."
+        note = f" {view.note}" if view is not None and view.note else ""
+        return f"The planner took the {operation}{f', but the robot stands: {held}' if held else ''}.{note}"
+    if answer is Answer.REFUSED:
+        return f"The planner refused the {operation}: {view.note if view is not None else ''}"
     if operation == Operation.RESUME.value and permit is not None:
         if held:
             return f"The robot did not take the resume: {held}."

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from common.messages import Outcome
 from offboard.evaluate.figures import EvaluationError, evaluate
 from offboard.runs.run_folder import SUMMARY_NAME, RunFolderError, write_json
 
@@ -46,7 +47,7 @@ class RunFacts:
     seed: int
     start: int
     options: Mapping[str, Any]
-    finished: bool  # the Planner said so
+    outcome: Outcome  # as the Planner published it
     reason: str  # why the run ended
     simulated_time_s: float
     wall_time_s: float
@@ -56,6 +57,7 @@ class RunFacts:
 def write_summary(run_dir: Path, facts: RunFacts, floor_json: dict[str, Any] | None = None) -> dict[str, Any]:
     """Write summary.json and return its content; with a floor, the evaluation's figures stand beside the facts."""
     summary = dataclasses.asdict(facts)
+    summary |= {"outcome": facts.outcome.value, "finished": facts.outcome is Outcome.FINISHED}
     if floor_json is not None:
         try:
             summary |= evaluate(floor_json, run_dir)

@@ -165,9 +165,14 @@ class RunFiles:
         self._changed.add(run_folder.POIS_NAME)
 
     def _take_view(self, view: PlannerView) -> None:
-        if view.finished and not self.finished:
-            _log.info("mission finished poses_until_s=%.1f map_points=%d", self._newest_pose_s, len(self.map))
-        self.finished = view.finished
+        if view.outcome.ends_mission and not self.finished:
+            _log.info(
+                "mission outcome=%s poses_until_s=%.1f map_points=%d",
+                view.outcome.value,
+                self._newest_pose_s,
+                len(self.map),
+            )
+        self.finished = view.outcome.ends_mission
 
     def _write_smoothed(self, path: Path) -> None:
         if self._trajectory is not None:

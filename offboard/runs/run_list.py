@@ -9,13 +9,16 @@ from pathlib import Path
 
 from common.errors import SENTENCE_MAX, StartError, sentence
 from common.json_reader import Node, load_json
-from common.messages import PLAN
+from common.messages import PLAN, Outcome
 from common.plain_text import plain
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
 
 _NEWEST_S = datetime(9999, 1, 1, tzinfo=UTC).timestamp()  # some file systems know later times than Python
 FIGURES = ("coverage", "map_rmse_m", "home_m", "ate_fit_m")
+
+
+_ENDS = {Outcome.NONE: "not finished", Outcome.STOPPED: "not finished, stopped"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +29,12 @@ class RunLine:
     date: datetime
     floor: str = ""
     duration_s: float | None = None
-    finished: bool | None = None  # None: nobody says
+    outcome: Outcome | None = None  # None: nobody says
     figures: dict[str, float] = field(default_factory=dict)
     damage: tuple[str, ...] = ()
 
     def as_text(self) -> str:
-        ended = {True: "finished", False: "not finished", None: "unknown end"}[self.finished]
+        ended = "unknown end" if self.outcome is None else _ENDS.get(self.outcome, self.outcome.value)
         parts = [f"{self.date:%Y-%m-%d %H:%M}", self.floor or "-", f"{self.duration_s or 0.0:.0f} s", ended]
         parts += [f"{name} {value:.3f}" for name, value in self.figures.items()]
         return plain(". DAMAGED: ".join([f"{self.folder}  {', '.join(parts)}", *self.damage]), SENTENCE_MAX)
@@ -51,9 +54,20 @@ def _with_summary(line: RunLine) -> RunLine:
         line,
         floor=summary.text("floor"),
         duration_s=summary.number("simulated_time_s"),
-        finished=summary.flag("finished"),
+        outcome=_outcome(summary),
         figures={name: summary.number(name) for name in filter(summary.has, FIGURES)},
     )
+
+
+def _outcome(summary: Node) -> Outcome:
+    """As it is written; older summaries only say whether the mission was finished."""
+    if not summary.has("outcome"):
+        return Outcome.FINISHED if summary.flag("finished") else Outcome.NONE
+    word = summary.text("outcome")
+    known = {outcome.value: outcome for outcome in Outcome}
+    if word not in known:
+        raise summary.error("outcome", f"must be one of {', '.join(known)}")
+    return known[word]
 
 
 def _with_database(line: RunLine) -> RunLine:
@@ -64,8 +78,8 @@ def _with_database(line: RunLine) -> RunLine:
         line = replace(line, date=dates[0] if dates else line.date)
         if line.duration_s is None:
             view = run.latest(PLAN)
-            finished = view.payload.finished if view is not None else None
-            line = replace(line, duration_s=run.duration_s(), finished=finished)
+            outcome = view.payload.outcome if view is not None else None
+            line = replace(line, duration_s=run.duration_s(), outcome=outcome)
     return line
 
 

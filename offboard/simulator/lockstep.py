@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from common.bus import Bus, LocalMesh
 from common.config import Config, with_camera
 from common.errors import StartError
-from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, PlannerView
+from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView
 from common.node import Node
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.recorder.recorder import Recorder
@@ -148,7 +148,7 @@ def simulate(options: RunOptions) -> int:
         robot.run_until(lambda: recorder.finished, robot.now_s + RECORD_LIMIT_S)
     finally:
         robot.close()
-    finished = view is not None and view.finished
+    outcome = view.outcome if view is not None else Outcome.NONE
     robot.simulation.write_truth(folder)
     steps = {slot.node.name: StepTimes.of(slot.durations_s) for slot in robot.slots}
     facts = RunFacts(
@@ -156,7 +156,7 @@ def simulate(options: RunOptions) -> int:
         seed=options.seed,
         start=options.start,
         options={key: value for key, value in options.as_dict().items() if key != "out"},
-        finished=finished,
+        outcome=outcome,
         reason=view.detail if view is not None else "the modules did not become ready",
         simulated_time_s=round(robot.now_s, 3),
         wall_time_s=round(time.monotonic() - began_s, 3),
@@ -164,7 +164,7 @@ def simulate(options: RunOptions) -> int:
     )
     summary = write_summary(folder, facts, floor_json(options))
     _say(_closing_line(summary, robot, folder))
-    return 0 if finished else 1
+    return 0 if outcome is Outcome.FINISHED else 1
 
 
 def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
@@ -191,7 +191,7 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
                 f"{robot.now_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, "
                 f"{view.detail}{standing}, {pace:.0f} times real time"
             )
-        return view is not None and view.finished
+        return view is not None and view.outcome.ends_mission
 
     robot.run_until(finished, TIME_LIMIT_S)
     robot.run_until(lambda: False, robot.now_s + 0.3)
@@ -208,7 +208,7 @@ def _closing_line(summary: dict[str, object], robot: Lockstep, folder: object) -
     wall_s = summary["wall_time_s"]
     assert isinstance(wall_s, float)
     return (
-        f"{'finished' if summary['finished'] else 'NOT finished'} after {robot.now_s:.0f} s in {wall_s:.1f} s "
+        f"{summary['outcome'] if summary['finished'] else 'NOT finished'} after {robot.now_s:.0f} s in {wall_s:.1f} s "
         f"({robot.now_s / max(wall_s, 1e-3):.1f} times real time): {figures}\n"
         f"wall time: world {robot.world_s:.1f} s, {shares}\nrun folder {folder}"
     )

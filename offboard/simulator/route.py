@@ -28,6 +28,7 @@ from common.messages import (
     PLAN,
     DriveCommand,
     Operation,
+    Outcome,
     PlannerView,
     Speed,
 )
@@ -161,7 +162,8 @@ class RouteDriver:
             detail = (
                 "scripted route driven" if self.finished else f"{len(ahead) * CELL_M:.0f} m of scripted route ahead"
             )
-            bus.publish(PLAN, PlannerView(now_s, "ROUTE", detail, ahead[:200], 0, 0.0, self.finished))
+            outcome = Outcome.FINISHED if self.finished else Outcome.NONE
+            bus.publish(PLAN, PlannerView(now_s, "ROUTE", detail, ahead[:200], 0, 0.0, outcome))
 
     def close(self) -> None:
         """Nothing is held open."""

@@ -147,7 +147,6 @@ def _plan(model: LiveModel, _: Token | None, __: float) -> Frame:
         path_m=np.asarray(plan.path_m, np.float64).round(2).tolist(),
         halls_open=plan.halls_open,
         area_m2=round(plan.area_m2, 1),
-        finished=plan.finished,
     )
 
 

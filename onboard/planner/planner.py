@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import deque
 from dataclasses import replace
@@ -27,8 +28,8 @@ from common.messages import (
     RETAKE,
     CarrierState,
     DriveCommand,
-    Operation,
     OperatorCommand,
+    Outcome,
     Permit,
     PlannerView,
     PoiCommand,
@@ -46,14 +47,16 @@ from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.grid_reading import GridError, GridReader
 from onboard.planner.grid.view import Motion, View
-from onboard.planner.mission.mission import Mission, Mode
+from onboard.planner.mission.mission import Mission
+from onboard.planner.mission.orders import Orders, is_stopped
+from onboard.planner.mission.table import BLOCKED, Event
 
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
 POINTS_NEAR_M = 4.0
 BOOT_BITS = 16
 PATH_SHOWN_MAX = 2_000  # waypoints
-TAKEN_KEPT = 16  # operator commands whose repeats are known as such
+_log = logging.getLogger(__name__)
 _NO_POINTS = np.zeros((0, 2))
 
 
@@ -82,9 +85,8 @@ class Planner:
         self._command_id = 0
         self._commanded: DriveCommand | None = None
         self._view_sent_s = -math.inf
-        self._paused = False
+        self._orders = Orders()
         self._override = Override()
-        self._taken: deque[int] = deque(maxlen=TAKEN_KEPT)
         self._left: deque[float] = deque(maxlen=5)
         self._right: deque[float] = deque(maxlen=5)
         self._front: deque[float] = deque(maxlen=3)
@@ -100,6 +102,9 @@ class Planner:
             self._operate(operation, pose, bus.latest(PERMIT), now_s)
         for request in bus.take(RETAKE):
             self._take_poi_request(request, pose, now_s)
+        permit = bus.latest(PERMIT)
+        if permit is not None and is_stopped(permit) is not (self._mission.state.outcome is Outcome.STOPPED):
+            self._mission.order(Event.STOPPED if is_stopped(permit) else Event.STOP_OVER)
         error = self._trouble(bus)
         if pose is None or error is not ErrorCode.OK:
             self._collision = CollisionMonitor()
@@ -108,8 +113,10 @@ class Planner:
             self._drive(bus, now_s, pose)
             if self._collision.phase is not Phase.CLEAR:
                 error = ErrorCode.EMERGENCY_ROUTINE
-            elif self._mission.mode is Mode.STUCK:
+            elif self._mission.mode in BLOCKED:
                 error = ErrorCode.BLOCKED
+        for note in self._mission.take_notes():
+            _log.info("%s", note)
         self._report(bus, now_s, error)
 
     def close(self) -> None:
@@ -134,24 +141,21 @@ class Planner:
     def _operate(
         self, command: OperatorCommand, pose: PoseEstimate | None, permit: Permit | None, now_s: float
     ) -> None:
-        if command.command_id and command.command_id in self._taken:
+        if self._orders.is_repeat(command):
             self._view_sent_s = -math.inf  # the answer was lost
             return
-        if command.operation is Operation.START and pose is None:
-            return  # not taken: it comes again
-        if command.operation is Operation.RESUME and not _may_resume(command, permit):
-            return
-        if command.command_id:
-            self._taken.append(command.command_id)
-            self._view_sent_s = -math.inf
-        self._paused = command.operation is Operation.PAUSE
-        if command.operation is Operation.START:
+        event = self._orders.event_of(command, permit)
+        if event is None or (event is Event.START and pose is None):
+            return  # no answer yet: it comes again
+        if event is Event.START:
             assert pose is not None
-            self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad), now_s)
-        elif command.operation is Operation.HOME:
-            self._mission.go_home()
-        elif command.operation is Operation.GOTO:
-            self._mission.go_to(command.x_m, command.y_m)
+            step = self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad), now_s)
+        else:
+            step = self._mission.order(event, (command.x_m, command.y_m))
+        _log.info("operation=%s refused=%s %s", event.name, step.refused, step.note)
+        self._orders.answered(command, permit, step)
+        if command.command_id:
+            self._view_sent_s = -math.inf
 
     def _take_poi_request(self, request: PoiRequest, pose: PoseEstimate | None, now_s: float) -> None:
         turning = pose is not None and _turns_on_the_spot(self._wanted, pose)
@@ -175,7 +179,7 @@ class Planner:
         assert ranges is not None
         rests = self._zero_velocity.due(now_s, odometry is not None and odometry.standing)
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
-        if self._grid is None or self._paused or backing:
+        if self._grid is None or self._mission.state.paused or backing:
             self._collision = CollisionMonitor()
             self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
             return
@@ -235,8 +239,8 @@ class Planner:
         bus.publish(DRIVE, self._commanded)
 
     def _report(self, bus: Bus, now_s: float, error: ErrorCode) -> None:
-        mode = self._mission.mode
-        state = "PAUSED" if self._paused else mode.name
+        mission = self._mission.state
+        state = "PAUSED" if mission.paused else mission.mode.name
         self._status.report(
             bus, now_s, state=state, error=error, ready=error not in (ErrorCode.NO_POSE, ErrorCode.NO_RANGES)
         )
@@ -245,17 +249,20 @@ class Planner:
         self._view_sent_s = now_s
         path = np.array(self._mission.path[:PATH_SHOWN_MAX], dtype=np.float32).reshape(-1, 2)
         area_m2 = self._grid.area_m2 if self._grid is not None else 0.0
+        answer = self._orders.answer
         bus.publish(
             PLAN,
             PlannerView(
                 now_s,
-                mode.name,
-                mode.value,
+                mission.mode.name,
+                mission.text,
                 path,
                 len(self._mission.groups),
                 area_m2,
-                self._mission.finished,
-                command_id=self._taken[-1] if self._taken else 0,
+                mission.outcome,
+                command_id=answer.command_id,
+                refused=answer.refused,
+                note=answer.note,
             ),
         )
 
@@ -263,11 +270,6 @@ class Planner:
 def _turns_on_the_spot(motion: Motion, pose: PoseEstimate) -> bool:
     """The Carrier stops and turns before it drives on."""
     return abs(wrap_angle(motion.heading_rad - pose.heading_rad)) > TURN_ON_SPOT_RAD
-
-
-def _may_resume(command: OperatorCommand, permit: Permit | None) -> bool:
-    """It means the newest stop, and that is released."""
-    return permit is not None and not permit.stop_sources and command.epoch == permit.stop_epoch
 
 
 def _median(values: deque[float]) -> float:

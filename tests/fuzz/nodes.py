@@ -127,7 +127,7 @@ def calm(now_s: float, permit: bool) -> list[tuple[Topic[Any], Any]]:
         points = np.stack([xs, np.where(np.arange(20) % 2, 0.8, -0.8).astype(np.float32)], axis=1)
         said += [
             (m.MAP, m.MapUpdate(now_s, 1 + tick // 300, 4 * start, points, np.zeros(20, np.uint8))),
-            (m.PLAN, m.PlannerView(now_s, "STRAIGHT", "following the hall", points[:5], 2, 40.0, False)),
+            (m.PLAN, m.PlannerView(now_s, "STRAIGHT", "following the hall", points[:5], 2, 40.0)),
         ]
     if tick % 10 == 0:
         cells = np.zeros((60, 160), np.uint8)

@@ -80,7 +80,7 @@ class StandInPlanner(StandIn):
         for command in bus.take(OPERATION):
             self._drives = command.operation in (Operation.START, Operation.RESUME)
             way_m = np.zeros((0, 2), np.float32)
-            bus.publish(PLAN, PlannerView(now_s, "", "", way_m, 0, 0.0, False, command_id=command.command_id))
+            bus.publish(PLAN, PlannerView(now_s, "", "", way_m, 0, 0.0, command_id=command.command_id))
         bus.publish(DRIVE, DriveCommand(now_s, 1, Speed.MEDIUM if self._drives else Speed.STOP, 0.0))
 
 

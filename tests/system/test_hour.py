@@ -80,7 +80,7 @@ class Patrol:
         pose, view = self._bus.latest(POSE), self._bus.latest(PLAN)
         if pose is not None and hypot(pose.x_m, pose.y_m) > hypot(*self._end):
             self._end = (pose.x_m, pose.y_m)
-        if view is not None and view.finished:
+        if view is not None and view.mode == "DONE":
             self.legs += 1
             x_m, y_m = self._end if self.legs % 2 else self._start
             self._bus.publish(OPERATION, OperatorCommand(view.t_s, Operation.GOTO, x_m, y_m))

@@ -161,4 +161,4 @@ class Rig:
         if "planner" not in self.silent:
             way = np.array([[4.0, 0.0]], np.float32)
             does = self.words or "following the hall"
-            say(PLAN, PlannerView(now_s, "STRAIGHT", does, way, 3, 42.5, False, True, self._acknowledged))
+            say(PLAN, PlannerView(now_s, "STRAIGHT", does, way, 3, 42.5, command_id=self._acknowledged))

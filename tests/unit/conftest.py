@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.messages import MAP, PLAN, POI, POSE, RANGES, STATUS, TRAJECTORY, Ranges, Status, Trajectory
+from common.messages import MAP, PLAN, POI, POSE, RANGES, STATUS, TRAJECTORY, Outcome, Ranges, Status, Trajectory
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from tests.unit.test_recorder import Run, door, map_update, pose, view
 
@@ -25,7 +25,7 @@ def record_run(folder: Path) -> None:
     run.say(POI, door(1, "101", b"jpeg"), door(2, "102"))
     run.say(PLAN, view(finished=True))
     run.recorder.close()
-    facts = RunFacts("office", 1, 0, {}, True, "home", 4.0, 1.0, {"mmu": StepTimes.of([0.001])})
+    facts = RunFacts("office", 1, 0, {}, Outcome.FINISHED, "home", 4.0, 1.0, {"mmu": StepTimes.of([0.001])})
     write_summary(folder, facts)
     summary = json.loads((folder / "summary.json").read_text())
     figures = {"coverage": 0.9, "map_rmse_m": 0.05, "home_m": 0.1, "ate_fit_m": None}

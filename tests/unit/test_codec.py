@@ -295,5 +295,5 @@ def test_text_form_exists_for_every_payload(payload: Any) -> None:
 
 
 def test_text_form_shows_arrays_by_their_shape_only() -> None:
-    view = PlannerView(0.0, "explore", "", np.zeros((3, 2), np.float32), 1, 2.0, False)
+    view = PlannerView(0.0, "explore", "", np.zeros((3, 2), np.float32), 1, 2.0)
     assert "<3x2>" in as_text("planner", "visualizer", view)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
+from common.messages import Outcome
 from offboard.evaluate.figures import EvaluationError, along, evaluate
 from offboard.evaluate.summary import RunFacts, StepTimes, without_wall_time, write_summary
 from offboard.runs import run_folder
@@ -166,7 +167,7 @@ def test_stations_on_a_line_turn_its_corners() -> None:
 
 def facts(wall_time_s: float) -> RunFacts:
     steps = {"mmu": StepTimes.of([wall_time_s, 2 * wall_time_s])}
-    return RunFacts("hall", 3, 0, {"speed": 2}, True, "all halls done", 90.0, wall_time_s, steps)
+    return RunFacts("hall", 3, 0, {"speed": 2}, Outcome.FINISHED, "all halls done", 90.0, wall_time_s, steps)
 
 
 def test_summary_holds_facts_and_figures(tmp_path: Path) -> None:

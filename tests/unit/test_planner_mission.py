@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from common.geometry import Points, Pose2, wrap_angle
-from common.messages import Speed
+from common.messages import Outcome, Speed
 from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S
 from onboard.planner.exploration.wall_imaging import WallImaging
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.view import Motion, View
-from onboard.planner.mission.mission import Mission, Mode
+from onboard.planner.mission.mission import NO_PATH_PATIENCE_S, Mission
+from onboard.planner.mission.table import Event, Mode
 from tests.unit.test_planner_grid_map import Box, drawn, hall
 from tests.unit.test_planner_route_planning import two_rooms
 
@@ -77,24 +78,49 @@ def test_a_floor_that_is_all_known_is_done_and_the_robot_comes_home() -> None:
     assert drive.until(Mode.DONE, 180.0)
     assert drive.pose.distance_m(Pose2(0.0, 0.0, 0.0)) < 0.2
     assert abs(drive.pose.heading_rad) < radians(5.0)
-    assert drive.mission.finished
+    assert drive.mission.state.outcome is Outcome.FINISHED
     assert drive.step().speed is Speed.STOP
 
 
 def test_a_place_that_was_asked_for_is_driven_to_round_the_wall() -> None:
     drive = Drive(two_rooms(1.6), Pose2(2.0, 1.6, 0.0))
-    drive.mission.go_to(8.0, 1.6)
+    drive.mission.order(Event.GO_TO, (8.0, 1.6))
     nearest_m = inf
-    while not drive.mission.finished and drive.now_s < 250.0:
+    while drive.mission.mode is not Mode.DONE and drive.now_s < 250.0:
         drive.step()
         nearest_m = min(nearest_m, drive.nearest_wall_m())
     assert drive.pose.distance_m(Pose2(8.0, 1.6, 0.0)) < 0.8
     assert nearest_m > 0.25
+    assert drive.mission.state.outcome is Outcome.ARRIVED
+
+
+def test_a_place_without_a_path_is_given_up_after_a_while_and_the_next_order_is_taken() -> None:
+    drive = Drive(closed_hall(), Pose2(4.0, 0.0, 0.0))
+    drive.mission.order(Event.GO_TO, (4.0, 20.0))
+    assert drive.until(Mode.GOTO_BLOCKED, 20.0)
+    assert not drive.until(Mode.DONE, NO_PATH_PATIENCE_S - 10.0)
+    assert drive.until(Mode.DONE, 20.0)
+    assert drive.mission.state.outcome is Outcome.GAVE_UP
+    drive.mission.order(Event.GO_HOME)
+    assert drive.until(Mode.DONE, 180.0)
+    assert drive.mission.state.outcome is Outcome.HOME
+
+
+def test_choices_and_changes_of_mode_are_noted_once_with_their_figures() -> None:
+    drive = Drive(closed_hall(), Pose2(4.0, 0.3, 2.0))
+    drive.mission.start(drive.pose, drive.now_s)
+    assert drive.until(Mode.DONE, 180.0)
+    notes = drive.mission.take_notes()
+    assert drive.mission.take_notes() == []
+    assert notes[0] == "mode=LOOK outcome=NONE paused=False before=WAITING event=START"
+    assert notes[-1] == "mode=DONE outcome=FINISHED paused=False before=ALIGN event=ALIGNED"
+    assert any(note.startswith("junction taken=NONE RIGHT=") for note in notes)
+    assert len(notes) < 20
 
 
 def test_a_way_that_takes_long_to_find_is_waited_for_and_driven() -> None:
     drive = Drive(drawn([(0.0, 0.0, 40.0, 40.0)], size_m=(40.0, 40.0)), Pose2(38.0, 38.0, 0.0))
-    drive.mission.go_to(2.0, 2.0)
+    drive.mission.order(Event.GO_TO, (2.0, 2.0))
     speeds = [drive.step().speed]
     while drive.mission.deliberates:
         speeds.append(drive.step().speed)
@@ -106,10 +132,10 @@ def test_a_way_that_takes_long_to_find_is_waited_for_and_driven() -> None:
 
 def test_who_is_sent_home_does_not_go_on_looking_for_another_way() -> None:
     drive = Drive(drawn([(-1.0, -1.0, 40.0, 40.0)], [], (41.0, 41.0), (-1.0, -1.0)), Pose2(38.0, 38.0, 0.0))
-    drive.mission.go_to(2.0, 30.0)
+    drive.mission.order(Event.GO_TO, (2.0, 30.0))
     drive.step()
     assert drive.mission.deliberates
-    drive.mission.go_home()
+    drive.mission.order(Event.GO_HOME)
     while drive.step().speed is Speed.STOP:
         pass
     assert drive.mission.path[-1] == (0.0, 0.0)
@@ -130,8 +156,8 @@ def test_home_that_cannot_be_reached_is_waited_for_and_reached_when_the_way_is_o
         (12.0, 6.0),
         (-4.0, -3.0),
     )
-    drive.mission.go_home()
-    assert drive.until(Mode.STUCK, 20.0)
+    drive.mission.order(Event.GO_HOME)
+    assert drive.until(Mode.HOME_BLOCKED, 20.0)
     for _ in range(100):
         drive.step()
     assert drive.pose.x_m > 2.3
@@ -141,7 +167,7 @@ def test_home_that_cannot_be_reached_is_waited_for_and_reached_when_the_way_is_o
 
 def test_something_that_blocks_a_wide_hall_is_driven_round() -> None:
     drive = Drive(drawn([(0.0, 0.0, 10.0, 6.0)]), Pose2(2.0, 3.0, 0.0))
-    drive.mission.go_to(8.0, 3.0)
+    drive.mission.order(Event.GO_TO, (8.0, 3.0))
     drive.step()
     drive.mission.blocked(drive.view(), 0.0)
     assert {drive.step().speed for _ in range(20)} != {Speed.STOP}
@@ -179,7 +205,7 @@ def test_the_first_look_takes_its_time_whatever_the_clock_says() -> None:
 
 def test_a_place_that_cannot_be_reached_is_not_answered_with_another() -> None:
     drive = Drive(closed_hall(), Pose2(4.0, 0.0, 0.0))
-    drive.mission.go_to(4.0, 20.0)
+    drive.mission.order(Event.GO_TO, (4.0, 20.0))
     for _ in range(600):
         drive.step()
     assert drive.pose.distance_m(Pose2(4.0, 0.0, 0.0)) < 0.3
@@ -209,7 +235,7 @@ def test_detour_that_nobody_wants_any_more_ends() -> None:
     assert mission.mode is Mode.RETAKE
     mission.end_detour(0.0, 1.0)
     assert mission.mode is Mode.LOOK
-    mission.go_home()
+    mission.order(Event.GO_HOME)
     mission.end_detour(0.0, 2.0)
     assert mission.mode is Mode.HOME
 

@@ -34,6 +34,7 @@ from common.messages import (
     Odometry,
     Operation,
     OperatorCommand,
+    Outcome,
     Permit,
     PoseEstimate,
     Ranges,
@@ -94,8 +95,11 @@ class Robot:
         say(ODOMETRY, Odometry(now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, standing, False, False, session=1))
         say(CARRIER, CarrierReport(now_s, CarrierState.READY, 0, 0, 0, 0.0, 0, 0, True, False, 12.0))
 
-    def ask(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
-        self.others.publish(OPERATION, OperatorCommand(self.now_s, operation, x_m, y_m, epoch=1))
+    def ask(
+        self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0, epoch: int = 1, command_id: int = 0
+    ) -> None:
+        command = OperatorCommand(self.now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch)
+        self.others.publish(OPERATION, command)
 
     def turn_to(self, heading_rad: float) -> None:
         assert self.pose is not None
@@ -275,6 +279,40 @@ def test_pause_stands_and_resume_goes_on() -> None:
     assert moving(robot.run(3.0)[-5:])
 
 
+def test_a_resume_after_a_stop_leaves_an_earlier_pause_and_the_next_one_ends_it() -> None:
+    robot = Robot().started()
+    robot.ask(Operation.PAUSE)
+    robot.run(0.5)
+    stopped = Permit(0.0, False, "stopped by operator", ("operator",), stop_epoch=2, resumed=False)
+    robot.permit = stopped
+    robot.run(0.5)
+    robot.permit = replace(stopped, stop_sources=())
+    robot.run(0.5)
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert view.outcome is Outcome.STOPPED
+    robot.ask(Operation.RESUME, epoch=2, command_id=5)
+    robot.permit = Permit(0.0, True, "", stop_epoch=2)
+    assert not moving(robot.run(3.0)[1:])
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert (view.command_id, view.refused, view.outcome) == (5, False, Outcome.NONE)
+    assert "resume once more" in view.note
+    robot.ask(Operation.RESUME, epoch=2, command_id=6)
+    assert moving(robot.run(3.0)[-5:])
+
+
+def test_what_would_do_nothing_is_refused_with_a_sentence() -> None:
+    robot = Robot().started()
+    for command_id, operation in ((5, Operation.START), (6, Operation.RESUME)):
+        robot.ask(operation, command_id=command_id)
+        assert moving(robot.run(1.0))
+        view = robot.others.latest(PLAN)
+        assert view is not None
+        assert (view.command_id, view.refused) == (command_id, True)
+        assert view.note.endswith(".")
+
+
 def test_resume_alone_does_not_start_a_mission() -> None:
     robot = Robot()
     robot.run(0.5)
@@ -352,7 +390,7 @@ def test_people_see_mode_way_and_area() -> None:
     assert view.mode == "GOTO"
     assert view.area_m2 == pytest.approx(12.0, rel=0.1)
     assert view.path_m[-1] == pytest.approx([5.0, 2.0], abs=0.5)
-    assert not view.finished
+    assert view.outcome is Outcome.NONE
 
 
 def test_goto_ends_where_it_was_asked_for() -> None:
@@ -369,7 +407,7 @@ def test_goto_ends_where_it_was_asked_for() -> None:
     assert not moving(robot.run(3.0)[-10:])
     view = robot.others.latest(PLAN)
     assert view is not None
-    assert view.finished
+    assert view.outcome is Outcome.ARRIVED
 
 
 def test_home_turns_to_the_first_heading_at_the_end() -> None:
@@ -388,7 +426,7 @@ def test_home_turns_to_the_first_heading_at_the_end() -> None:
     robot.run(1.0)
     view = robot.others.latest(PLAN)
     assert view is not None
-    assert view.finished
+    assert view.outcome is Outcome.HOME
 
 
 def test_a_robot_that_turned_left_by_more_than_half_a_turn_turns_back_to_the_right() -> None:

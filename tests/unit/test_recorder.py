@@ -23,6 +23,7 @@ from common.messages import (
     STATUS,
     TRAJECTORY,
     MapUpdate,
+    Outcome,
     PlannerView,
     PointOfInterest,
     PoseEstimate,
@@ -48,7 +49,8 @@ def door(poi_id: int, number: str, photo: bytes = b"") -> PointOfInterest:
 
 
 def view(*, finished: bool) -> PlannerView:
-    return PlannerView(0.0, "explore", "", np.empty((0, 2), np.float32), 0, 0.0, finished)
+    outcome = Outcome.FINISHED if finished else Outcome.NONE
+    return PlannerView(0.0, "explore", "", np.empty((0, 2), np.float32), 0, 0.0, outcome)
 
 
 # The second and third hold what is not yet in the first, while it is open

@@ -89,7 +89,7 @@ def points(frame: dict[str, Any]) -> list[float]:
 def test_a_page_hears_of_everything_once(watched: Watched) -> None:
     watched.feed.take(POSE, pose(1.0))
     watched.feed.take(PERMIT, Permit(0.0, False, "poi is missing", ("operator",)))
-    view = PlannerView(0.0, "ROUTE", "driving to a side hall", np.array([[1.0, 2.0]], np.float32), 3, 4.56, False)
+    view = PlannerView(0.0, "ROUTE", "driving to a side hall", np.array([[1.0, 2.0]], np.float32), 3, 4.56)
     watched.feed.take(PLAN, view)
     news = watched.news()
     assert (news["pose"]["x_m"], news["pose"]["valid"], news["pose"]["age_s"]) == (1.0, True, 0.0)

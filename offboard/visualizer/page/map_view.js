@@ -220,7 +220,7 @@ export class MapView {
 
   #drawPlan(context) {
     const { plan, pose } = this.model;
-    if (!plan || !plan.path_m.length || plan.finished) return;
+    if (!plan || !plan.path_m.length) return;
     const places = [...(pose ? [[pose.x_m, pose.y_m]] : []), ...plan.path_m].map(([x, y]) => this.view.toScreen(x, y));
     context.beginPath();
     for (const [x, y] of places) context.lineTo(x, y);

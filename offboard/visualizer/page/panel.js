@@ -2,7 +2,7 @@
 
 import { STALE_S } from "./model.js";
 
-const PHASES = { WAITING: "wait", HOME: "return", ALIGN: "return", DONE: "done" }; // the rest explores
+const PHASES = { WAITING: "wait", HOME: "return", HOME_BLOCKED: "return", ALIGN: "return", DONE: "done" }; // the rest explores
 const $ = (id) => document.getElementById(id);
 
 // Sign and word of the link, and what is read out when it comes to that

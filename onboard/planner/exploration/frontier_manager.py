@@ -73,6 +73,11 @@ class FrontierManager:
             return False
         return True
 
+    @property
+    def second_try(self) -> bool:
+        """Are the frontiers that were deferred on the list again?"""
+        return self._memory.second_try
+
     def renew_patience(self) -> None:
         """There was something to drive to."""
         self._empty_lists = 0

@@ -59,7 +59,7 @@ class FrontierMemory:
     def __init__(self) -> None:
         self._visited: list[tuple[float, float]] = []
         self._deferred: list[tuple[float, float]] = []
-        self._second_try = False
+        self.second_try = False
 
     def mark_visited(self, x_m: float, y_m: float) -> None:
         """Whatever frontier is left around this position was visited: it will not be visited again."""
@@ -71,9 +71,9 @@ class FrontierMemory:
 
     def try_again(self) -> bool:
         """Once, when all else is seen, bring back what was deferred; False where nothing was or it is used up."""
-        if self._second_try or not self._deferred:
+        if self.second_try or not self._deferred:
             return False
-        self._second_try, self._deferred = True, []
+        self.second_try, self._deferred = True, []
         return True
 
     def frontier(self, grid: GridMap, blocked: Mask, pose: Pose2) -> Frontier:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import Enum
 
 from common.geometry import Pose2
 from onboard.planner.exploration.frontier_manager import FrontierManager
@@ -14,6 +15,27 @@ from onboard.planner.grid.view import View
 
 SIDE_REACH_M = 1.2
 SIDE_WIDTH_M = 0.8
+
+
+class Branch(Enum):
+    """What driving straight along a branch would bring."""
+
+    NEW = "shows new floor"
+    KNOWN = "shows nothing new"
+    NO_ROOM = "too short"
+    TRIED = "was tried"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The branch that is taken, None where none is, and how each was judged."""
+
+    turn: Turn | None
+    branches: Mapping[Turn, Branch]
+
+    def __str__(self) -> str:
+        branches = " ".join(f"{turn.name}={branch.name}" for turn, branch in self.branches.items())
+        return f"taken={self.turn.name if self.turn is not None else 'NONE'} {branches}"
 
 
 class Junction:
@@ -28,28 +50,29 @@ class Junction:
         self._tried.add_leg(start, end)
         self._choice_due = True
 
-    def choose(self, view: View, frontiers: FrontierManager, headings_rad: Mapping[Turn, float]) -> Turn | None:
+    def choose(self, view: View, frontiers: FrontierManager, headings_rad: Mapping[Turn, float]) -> Choice:
         """P3.0: the right-most of the branches, given by their headings, that shows new floor; None where none does."""
-        open_turns = {
-            turn for turn, heading_rad in headings_rad.items() if self._shows_new(view, frontiers, turn, heading_rad)
-        }
+        found = {turn: self._judged(view, frontiers, turn, rad) for turn, rad in headings_rad.items()}
+        open_turns = {turn for turn, judged in found.items() if judged is Branch.NEW}
         # A branch that was chosen is driven before the next choice, or the robot would go round and round on the spot
         forward = Turn.FORWARD in open_turns and not self._choice_due
         self._choice_due = False
         turn = Turn.FORWARD if forward else decide(open_turns)
         if turn not in open_turns:
-            return None
+            return Choice(None, found)
         if turn is not Turn.FORWARD:
             self._tried.add_side(replace(view.pose, heading_rad=headings_rad[turn]))
-        return turn
+        return Choice(turn, found)
 
-    def _shows_new(self, view: View, frontiers: FrontierManager, turn: Turn, heading_rad: float) -> bool:
+    def _judged(self, view: View, frontiers: FrontierManager, turn: Turn, heading_rad: float) -> Branch:
         """Would driving straight along this branch show new floor? To a side only what lies near the axis counts."""
         branch = replace(view.pose, heading_rad=heading_rad)
         if turn is Turn.FORWARD:
-            ruled_out = view.front_is_near or self._tried.leg_in_vain(view.pose)
+            no_room, tried = view.front_is_near, self._tried.leg_in_vain(view.pose)
             width_m = STRAIGHT_SIDE_M
         else:
-            ruled_out = frontiers.straight_reach_m(view, branch) < SIDE_REACH_M or self._tried.tried(branch)
-            width_m = SIDE_WIDTH_M
-        return not ruled_out and frontiers.something_ahead(view, branch, width_m)
+            no_room = frontiers.straight_reach_m(view, branch) < SIDE_REACH_M
+            tried, width_m = self._tried.tried(branch), SIDE_WIDTH_M
+        if no_room or tried:
+            return Branch.NO_ROOM if no_room else Branch.TRIED
+        return Branch.NEW if frontiers.something_ahead(view, branch, width_m) else Branch.KNOWN

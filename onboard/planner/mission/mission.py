@@ -1,13 +1,13 @@
 """The mission: explore by the right-hand rule and the list of side halls, come home, stop.
 
-A state machine that is asked ten times a second for the motion it wants, given pose, grid, wall points and distances.
-It knows no messages and no clock of its own.
+Its `step` takes pose, grid, wall points and distances ten times a second and returns the motion that it wants. What was
+seen and chosen becomes an event; which mode follows, `table` says alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from enum import Enum
+from itertools import pairwise
 from math import atan2, cos, hypot, pi, sin
 from typing import Any
 
@@ -19,15 +19,18 @@ from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup, as_set
 from onboard.planner.exploration.junction import Junction
-from onboard.planner.exploration.recovery_memory import Stillness
+from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
 from onboard.planner.exploration.right_hand_rule import Turn
 from onboard.planner.exploration.wall_imaging import WallImaging, beginning
 from onboard.planner.grid.grid_map import Cell
 from onboard.planner.grid.sliced_work import Sliced, Work
 from onboard.planner.grid.view import Motion, View
+from onboard.planner.mission.table import AT_REST, BLOCKED, ON_LEG, VISITING, Event, Mode, State, Step, after
 from onboard.planner.routing.path_following import Path, arrived, rest_of, speed_along
 
 BLOCK_AHEAD_M = 0.45
+NO_PATH_PATIENCE_S = 300.0  # a door that was closed, a person who stands in a hall: they may go
+GROUPS_NOTED = 8  # of the list
 RETRY_S = 3.0
 GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
 GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
@@ -35,29 +38,12 @@ OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
 
 
-class Mode(Enum):
-    """What the mission is about; the value is what people read."""
-
-    WAITING = "waiting for start"
-    STRAIGHT = "following the hall"
-    ROUTE = "driving to a side hall"
-    LOOK = "looking"
-    IMAGE = "driving to a wall that the camera has not seen"
-    ALONG_WALL = "following a wall that the camera has not seen"
-    HOME = "driving home"
-    ALIGN = "home, turning to the first heading"
-    GOTO = "driving to a place"
-    RETAKE = "driving to where a photo is wanted"
-    DONE = "done"
-    STUCK = "no path; waiting"
-
-
 class Mission:
     """`step` returns the wanted motion; `mode`, `groups` and `path` show people what it is about."""
 
     def __init__(self, images_walls: bool = False) -> None:
         """`images_walls`: there is a camera, and every wall shall have been on its right."""
-        self.mode = Mode.WAITING
+        self.state = State()
         self.path: Path = []
         self._frontiers = FrontierManager()
         self._junction = Junction()
@@ -72,9 +58,16 @@ class Mission:
         self._obstructions = 0  # since the last arrival
         self._retake_rad = 0.0
         self._retry_s = 0.0
-        self._retry_mode = Mode.HOME
+        self._no_path_since_s: float | None = None
         self._align_until_s = 0.0
         self._deliberation: Sliced[Any] | None = None  # a choice or a path that took more than one step so far
+        self._notes: list[str] = []
+        self._noted = self.state  # the newest one that a note tells of
+
+    @property
+    def mode(self) -> Mode:
+        """What it is doing."""
+        return self.state.mode
 
     @property
     def groups(self) -> list[FrontierGroup]:
@@ -82,54 +75,55 @@ class Mission:
         return self._frontiers.groups
 
     @property
-    def finished(self) -> bool:
-        return self.mode is Mode.DONE
-
-    @property
     def deliberates(self) -> bool:
         """It has not yet found out where to go next: the sooner its next step the better, on the same grid."""
         return self._deliberation is not None
 
-    def start(self, pose: Pose2, now_s: float) -> None:
-        """Begin to explore; once more from the beginning of the list after a finished mission."""
-        if self.mode in (Mode.WAITING, Mode.DONE):
+    def take_notes(self) -> list[str]:
+        """For the log: the changes of mode and the choices since the last call, a line each."""
+        notes, self._notes = self._notes, []
+        return notes
+
+    def order(self, event: Event, place_m: tuple[float, float] = (0.0, 0.0)) -> Step:
+        """What an operator or the permit wants of it; `place_m` in the map is where a goto leads."""
+        self._no_path_since_s = None
+        step = self._happens(event, f"place={place_m[0]:.2f},{place_m[1]:.2f}" if event is Event.GO_TO else "")
+        if event is Event.GO_TO:
+            self._target = place_m
+        return step
+
+    def start(self, pose: Pose2, now_s: float) -> Step:
+        """Begin to explore; once more from the beginning of the list after a mission that has ended."""
+        step = self.order(Event.START)
+        if not step.refused:
             self._frontiers.renew_patience()
-            self._look(pose.heading_rad, now_s)
-
-    def go_home(self) -> None:
-        """Give up what is left of the list."""
-        self.mode, self.path, self._deliberation = Mode.HOME, [], None
-
-    def go_to(self, x_m: float, y_m: float) -> None:
-        """Drive to a place on the map, and stay there."""
-        self.mode, self.path, self._target = Mode.GOTO, [], (x_m, y_m)
-        self._deliberation = None
+            self._begin_look(pose.heading_rad, now_s)
+        return step
 
     def detour(self, pose: Pose2) -> None:
         """Stand at a pose for another photo, then go on exploring."""
-        if self.mode in (Mode.STRAIGHT, Mode.ROUTE, Mode.LOOK, Mode.IMAGE, Mode.ALONG_WALL):
-            self.mode, self.path, self._target = Mode.RETAKE, [], (pose.x_m, pose.y_m)
-            self._deliberation = None
-            self._retake_rad = pose.heading_rad
+        self._happens(Event.DETOUR, f"place={pose.x_m:.2f},{pose.y_m:.2f}")
+        if self.mode is Mode.RETAKE:
+            self._target, self._retake_rad = (pose.x_m, pose.y_m), pose.heading_rad
 
     def end_detour(self, heading_rad: float, now_s: float) -> None:
         """Nobody wants that photo any more."""
         if self.mode is Mode.RETAKE:
-            self._look(heading_rad, now_s)
+            self._look(Event.DETOUR_OVER, heading_rad, now_s)
 
     def blocked(self, view: View, bearing_rad: float) -> None:
         """An obstacle stands there that the map does not know: plan around it for a while."""
         angle = view.pose.heading_rad + bearing_rad
         x_m, y_m = view.pose.x_m + BLOCK_AHEAD_M * cos(angle), view.pose.y_m + BLOCK_AHEAD_M * sin(angle)
         self._frontiers.meet(x_m, y_m, view.now_s)
-        if self.mode in (Mode.STRAIGHT, Mode.ALONG_WALL):
+        self._notes.append(f"obstacle place={x_m:.2f},{y_m:.2f} frontier there deferred")
+        if self.mode in ON_LEG:
             self._end_leg(view)
         elif self._visiting and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
             self._obstructions += 1
             if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._obstructions = 0
-                self._give_path_up(view)
-                self._look(view.pose.heading_rad, view.now_s)
+                self._defer(view, f"obstacles={OBSTRUCTIONS_MAX}")
         self.path, self._deliberation = [], None
 
     def step(self, view: View) -> Motion:
@@ -145,42 +139,63 @@ class Mission:
     def _act(self, view: View, dt_s: float) -> Motion:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
         if self._stillness.stagnates(view.pose, dt_s, under_way=self._visiting):
-            self._give_path_up(view)
+            self._defer(view, f"no motion for {STAGNANT_S:.0f} s")
             self._frontiers.judge_anew()
-            self._look(view.pose.heading_rad, view.now_s)
             return stand
         if self.deliberates:
             self._carry_on()
             return stand
-        if self.mode in (Mode.WAITING, Mode.DONE):
+        if self.mode in AT_REST:
             return stand
         if self.mode is Mode.LOOK:
             return self._stand_and_look(view)
-        if self.mode in (Mode.STRAIGHT, Mode.ALONG_WALL):
+        if self.mode in ON_LEG:
             return self._drive_leg(view)
         if self.mode is Mode.ALIGN:
             if abs(wrap_angle(view.pose.heading_rad)) < HEADING_REACHED_RAD or view.now_s > self._align_until_s:
-                self.mode = Mode.DONE
+                self._happens(Event.ALIGNED)
             return Motion(Speed.STOP, 0.0)
-        if self.mode is Mode.STUCK:
+        if self.mode in BLOCKED:
             if view.now_s >= self._retry_s:
-                self.mode = self._retry_mode
+                self._happens(Event.RETRY)
             return stand
         return self._follow_path(view)
 
     @property
     def _visiting(self) -> bool:
         """On its way to a place of its own choice, which it may defer."""
-        return self.mode in (Mode.ROUTE, Mode.IMAGE)
+        return self.mode in VISITING
 
-    def _give_path_up(self, view: View) -> None:
+    def _happens(self, event: Event, why: str = "") -> Step:
+        """Take the step of the table; a path belongs to the mode that planned it."""
+        before, step = self.state, after(self.state, event)
+        if step.refused or (step.state == before and not step.moves):
+            return step
+        self.state = step.state
+        if step.moves:
+            self.path, self._deliberation, self._wall_due = [], None, False
+        if event is not Event.RETRY and step.state != self._noted:
+            self._noted = step.state
+            self._notes.append(f"{step.state} before={before.mode.name} event={event.name} {why}".rstrip())
+        return step
+
+    def _defer(self, view: View, why: str) -> None:
+        """Leave the place that it is driving to for the second try, and the wall there for good."""
+        x_m, y_m = self._target
         if self.mode is Mode.IMAGE and self._imaging is not None:
-            self._imaging.settle(view.grid, Pose2(*self._target, self._wall_rad))
+            self._imaging.settle(view.grid, Pose2(x_m, y_m, self._wall_rad))
         else:
-            self._frontiers.defer(*self._target)
+            self._frontiers.defer(x_m, y_m)
+        self._look(Event.DEFERRED, view.pose.heading_rad, view.now_s, why=f"place={x_m:.2f},{y_m:.2f} {why}")
 
-    def _look(self, heading_rad: float, now_s: float, then_rad: float | None = None) -> None:
-        self.mode, self.path, self._wall_due, self._deliberation = Mode.LOOK, [], False, None
+    def _look(
+        self, event: Event, heading_rad: float, now_s: float, then_rad: float | None = None, why: str = ""
+    ) -> None:
+        """After an event that leads to LOOK."""
+        self._happens(event, why)
+        self._begin_look(heading_rad, now_s, then_rad)
+
+    def _begin_look(self, heading_rad: float, now_s: float, then_rad: float | None = None) -> None:
         self._looking.begin(heading_rad, now_s, then_rad)
 
     def _stand_and_look(self, view: View) -> Motion:
@@ -199,23 +214,25 @@ class Mission:
     def _choose(self, view: View) -> Work[None]:
         """The wall that was driven to, else what the right-hand rule takes, else the next of the list."""
         if self._wall_due:
-            self.mode, self._wall_due = Mode.ALONG_WALL, False
+            self._happens(Event.WALL_REACHED)
             self._hall.begin(view.pose, self._wall_rad)
             return
         heading_rad = self._hall.along(view.pose.heading_rad)
         if self._stands_askew(view.pose, heading_rad):
-            self._look(heading_rad, view.now_s)
+            self._look(Event.TURN, heading_rad, view.now_s, why="stands askew")
             return
         headings_rad = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
-        turn = self._junction.choose(view, self._frontiers, headings_rad)
+        choice = self._junction.choose(view, self._frontiers, headings_rad)
+        self._notes.append(f"junction {choice}")
+        turn = choice.turn
         if turn is None:
             yield from self._take_from_list(view)
         elif turn is Turn.FORWARD:
-            self.mode = Mode.STRAIGHT
+            self._happens(Event.AHEAD, f"heading_rad={heading_rad:.2f}")
             self._frontiers.renew_patience()
             self._hall.begin(view.pose, heading_rad)
         else:
-            self._look(headings_rad[turn], view.now_s)
+            self._look(Event.TURN, headings_rad[turn], view.now_s)
 
     def _stands_askew(self, pose: Pose2, heading_rad: float) -> bool:
         """Does it have to turn to the hall's direction before it can judge the branches, and has not tried to yet?"""
@@ -227,10 +244,13 @@ class Mission:
         """Set out for the nearest of the list, else for a wall, else home."""
         if (yield from self._set_out(view, frontiers.roomy_cells(view.grid, self.groups))):
             return
+        second_try = self._frontiers.second_try
         if not self._frontiers.exhausted(view.now_s):
-            self._look(view.pose.heading_rad, view.now_s)
+            if self._frontiers.second_try is not second_try:
+                self._notes.append("list empty: what was deferred is tried once more")
+            self._look(Event.LIST_UNSURE, view.pose.heading_rad, view.now_s)
         elif not (yield from self._set_out_to_a_wall(view)):
-            self.go_home()
+            self._happens(Event.EXPLORED)
 
     def _set_out(self, view: View, frontier: set[Cell]) -> Work[bool]:
         """For the nearest of these cells; False where no path leads there."""
@@ -238,7 +258,8 @@ class Mission:
         if route is None:
             return False
         self._frontiers.renew_patience()
-        self.mode, self.path, self._target = Mode.ROUTE, route, route[-1]
+        self._happens(Event.SIDE_HALL, _figures(route, self.groups))
+        self.path, self._target = route, route[-1]
         return True
 
     def _set_out_to_a_wall(self, view: View) -> Work[bool]:
@@ -249,7 +270,8 @@ class Mission:
             return False
         first = beginning(spots, view.grid, view.grid.cell(*route[-1]))
         route = (yield from self._frontiers.route(view, {first})) or route
-        self.mode, self.path, self._target = Mode.IMAGE, route, route[-1]
+        self._happens(Event.WALL, f"{_figures(route, [])} spots={len(spots)}")
+        self.path, self._target = route, route[-1]
         self._wall_rad = self._hall.along(spots[view.grid.cell(*route[-1])])
         return True
 
@@ -285,9 +307,9 @@ class Mission:
         if self._imaging is not None and self._imaging.shows_new(view.grid, left):
             # The wall ahead, of a dead end most often: it costs a turn now, and a whole path later
             self._imaging.settle(view.grid, left)
-            self._look(left.heading_rad, view.now_s, then_rad=heading_rad)
+            self._look(Event.LEG_OVER, left.heading_rad, view.now_s, then_rad=heading_rad)
         else:
-            self._look(view.pose.heading_rad, view.now_s)
+            self._look(Event.LEG_OVER, view.pose.heading_rad, view.now_s)
 
     def _follow_path(self, view: View) -> Motion:
         pose = view.pose
@@ -298,7 +320,7 @@ class Mission:
             if self.mode is not mode or not self.path:
                 return stand
         if self.mode is Mode.ROUTE and not self._frontiers.something_near(*self._target):
-            self._look(pose.heading_rad, view.now_s)
+            self._look(Event.GONE, pose.heading_rad, view.now_s)
             return stand
         if arrived(self.path, pose):
             self._arrive(view)
@@ -323,32 +345,46 @@ class Mission:
         exact = self.mode is Mode.HOME or view.grid.stands(*target)
         around = view.grid.around(*target, GOAL_NEAR_CELLS if exact else GOAL_FAR_CELLS)
         route = yield from self._frontiers.route(view, around)
-        if route is None and self.mode in (Mode.RETAKE, Mode.IMAGE):
-            if self.mode is Mode.IMAGE:
-                self._give_path_up(view)
-            self._look(view.pose.heading_rad, view.now_s)
-        elif route is None:
-            self._retry_mode, self._retry_s = self.mode, view.now_s + RETRY_S
-            self.mode = Mode.STUCK
-        else:
+        if route is not None:
+            self._no_path_since_s = None
             self.path = [*route[:-1], target] if exact else route
+        elif self.mode is Mode.IMAGE:
+            self._defer(view, "no path")
+        elif self.mode is Mode.RETAKE:
+            self._look(Event.NO_PATH, view.pose.heading_rad, view.now_s)
+        else:
+            self._wait_for_path(view.now_s, target)
+
+    def _wait_for_path(self, now_s: float, target: tuple[float, float]) -> None:
+        self._happens(Event.NO_PATH, f"place={target[0]:.2f},{target[1]:.2f}")
+        self._retry_s = now_s + RETRY_S
+        if self._no_path_since_s is None:
+            self._no_path_since_s = now_s
+        if now_s - self._no_path_since_s > NO_PATH_PATIENCE_S:
+            self._no_path_since_s = None
+            self._happens(Event.TOO_LONG)
 
     def _arrive(self, view: View) -> None:
         self.path = []
         self._obstructions = 0
-        if self.mode is Mode.HOME:
-            self.mode, self._align_until_s = Mode.ALIGN, view.now_s + TURN_TIMEOUT_S
-            return
-        if self.mode is Mode.GOTO:
-            self.mode = Mode.DONE
-            return
-        if self.mode is Mode.RETAKE:
-            self._look(self._retake_rad, view.now_s)
-            return
-        if self.mode is Mode.IMAGE:
-            self._look(self._wall_rad, view.now_s)
+        mode, now_s = self.mode, view.now_s
+        if mode is Mode.RETAKE:
+            self._look(Event.ARRIVED, self._retake_rad, now_s)
+        elif mode is Mode.IMAGE:
+            self._look(Event.ARRIVED, self._wall_rad, now_s)
             self._wall_due = True
-            return
-        direction = frontiers.unknown_direction_rad(view.grid, view.pose.x_m, view.pose.y_m, view.pose.heading_rad)
-        self._frontiers.mark_visited(*self._target)
-        self._look(self._hall.along(direction), view.now_s)
+        elif mode is Mode.ROUTE:
+            pose, (x_m, y_m) = view.pose, self._target
+            direction = frontiers.unknown_direction_rad(view.grid, pose.x_m, pose.y_m, pose.heading_rad)
+            self._frontiers.mark_visited(x_m, y_m)
+            self._look(Event.ARRIVED, self._hall.along(direction), now_s, why=f"visited={x_m:.2f},{y_m:.2f}")
+        else:
+            self._align_until_s = now_s + TURN_TIMEOUT_S
+            self._happens(Event.ARRIVED)
+
+
+def _figures(route: Path, groups: list[FrontierGroup]) -> str:
+    """Of a choice of the list: where it leads, how far, and what else was on it."""
+    length_m = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route))
+    others = ";".join(f"{group.x_m:.1f},{group.y_m:.1f}" for group in groups[:GROUPS_NOTED])
+    return f"place={route[-1][0]:.2f},{route[-1][1]:.2f} path_m={length_m:.1f} list={len(groups)}:{others}"
