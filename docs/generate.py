@@ -23,6 +23,7 @@ from common.errors import ERRORS
 from common.messages import INTERNAL_FLOWS, TOPICS, LogLine, Status, Topic
 from common.rules import Between
 from deploy.cli import build_parser
+from offboard.export.formats import EXPORTS
 from onboard.planner.mission.table import ALL, ENDED, TABLE, Event, Mode, Row
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -214,6 +215,12 @@ def mission_diagram() -> str:
     return "\n".join(["```mermaid", "stateDiagram-v2", "    [*] --> WAITING", *lines, "```"])
 
 
+def exports() -> str:
+    """Every format that a run can be exported in."""
+    rows = [(f"`{name}`", entry.title, "yes" if entry.live else "") for name, entry in EXPORTS.items()]
+    return _table("format | what | on the page too", rows)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "mission-table": mission_table,
     "mission-modes": mission_modes,
@@ -222,6 +229,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "topics": topics,
     "errors": errors,
     "verbs": verbs,
+    "exports": exports,
 }
 FILES: dict[str, Callable[[], str]] = {"docs/robot.toml": sample}
 

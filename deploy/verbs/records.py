@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from offboard.export.formats import EXPORTS, export
+
 RUNS_FOLDER = Path("runs")
 
 
@@ -16,7 +18,7 @@ def add_verbs(verbs: Any) -> None:
     export = verbs.add_parser("export", help="a run in the formats of others")
     export.add_argument("folder", metavar="RUN", type=Path, help="run folder, or its name below runs/")
     export.add_argument("--to", type=Path, required=True, metavar="DIR", help="folder for the files")
-    export.add_argument("--format", default="", help="comma-separated: svg,png,csv,tum,json,pgm (all)")
+    export.add_argument("--format", default="", help=f"comma-separated: {','.join(EXPORTS)} (all)")
     export.set_defaults(run=_export)
 
 
@@ -24,16 +26,14 @@ def _runs(arguments: argparse.Namespace) -> int:
     from offboard.runs.run_list import find_runs  # here, because the other verbs need none of it
 
     lines = [run.as_text() for run in find_runs(arguments.folder)]
-    print("\n".join(lines) if lines else f"No run in {', '.join(map(str, arguments.folder))}.")
+    print("\n".join(lines))
     return 0
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from offboard.export.formats import EXPORTERS, export
-
     folder: Path = arguments.folder
     if not folder.is_dir() and (RUNS_FOLDER / folder).is_dir():
         folder = RUNS_FOLDER / folder
-    formats = [name.strip() for name in arguments.format.split(",") if name.strip()] or list(EXPORTERS)
+    formats = [name.strip() for name in arguments.format.split(",") if name.strip()] or list(EXPORTS)
     print("\n".join(map(str, export(folder, arguments.to, formats))))
     return 0

@@ -7,10 +7,8 @@ and a number for each point of interest. The base point is the drawing's lower l
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, cos, hypot, sin
-from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
 
@@ -21,10 +19,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
-from common.errors import StartError
 from common.geometry import FloatArray, Points
 from offboard.export.map_frame import frame
-from offboard.runs.run_folder import MAP_PNG_NAME, MAP_SVG_NAME, MapData, read_map, write_atomically
+from offboard.runs.run_folder import MapData
 
 JOIN_M = 0.25  # wall points nearer than this are one wall
 THIN_M = 0.06  # of the points in a square of this side one is drawn
@@ -38,10 +35,6 @@ OVERSAMPLING = 2
 PAPER, GRID, FRAME = "#ffffff", "#eef1f4", "#9aa5b1"
 WALL, INFERRED, TRAIL, START, POI, TEXT = "#1f2933", "#9aa5b1", "#5b9bd5", "#2f855a", "#c53030", "#3e4c59"
 WALL_M, THIN_LINE_M, TRAIL_M, START_M, ASTERISK_M, TEXT_M = 0.11, 0.03, 0.06, 0.22, 0.24, 0.55
-
-
-class ExportError(StartError):
-    """The run cannot be exported as asked: one sentence says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,31 +236,3 @@ def as_png(data: MapData) -> bytes:
     dpi = scale_px * 2.54
     image.resize(size, Image.Resampling.LANCZOS).save(out, "PNG", dpi=(dpi, dpi), optimize=True)
     return out.getvalue()
-
-
-_WRITERS: dict[str, tuple[str, Callable[[MapData], bytes]]] = {
-    "svg": (MAP_SVG_NAME, lambda data: as_svg(data).encode()),
-    "png": (MAP_PNG_NAME, as_png),
-}
-FORMATS = tuple(_WRITERS)
-
-
-def export_run(run_dir: Path, formats: Sequence[str] = FORMATS, to: Path | None = None) -> list[Path]:
-    """Write the map of a run in these formats into `to` (its own folder unless given); returns the files.
-
-    Raises ExportError for a format that is not known or a folder that holds no run, RunFolderError, OSError.
-    """
-    unknown = [name for name in formats if name not in _WRITERS]
-    if unknown:
-        raise ExportError(f"There is no export format '{unknown[0]}'; choose from {', '.join(FORMATS)}")
-    if not run_dir.is_dir():
-        raise ExportError(f"There is no run folder at {run_dir}; `indoor-mapping runs` lists them")
-    data = read_map(run_dir)
-    folder = to or run_dir
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name in formats:
-        file_name, render = _WRITERS[name]
-        write_atomically(folder / file_name, render(data))
-        written.append(folder / file_name)
-    return written

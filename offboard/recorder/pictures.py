@@ -13,21 +13,19 @@ import sys
 from pathlib import Path
 
 from common.errors import sentence
+from offboard.export.formats import EXPORTS
 from offboard.runs.run_folder import RunFolderError
 
-EXPORT_FORMATS = ("svg", "png")
+_PICTURES = ("svg", "png")
 
 _log = logging.getLogger("recorder")
 
 
 def draw(run_dir: Path) -> None:
     """From the files of the folder; a line in the log says why there is none."""
-    from offboard.export.map_picture import (
-        export_run,  # here, because SciPy would make the recorder wait at every start
-    )
-
     try:
-        export_run(run_dir, EXPORT_FORMATS)
+        for name in _PICTURES:
+            EXPORTS[name].of_run(run_dir, run_dir)
     except (RunFolderError, OSError) as error:
         _log.warning("no picture of the map: %s", sentence(error))
 

@@ -37,6 +37,8 @@ MAP_SVG_NAME = "map.svg"
 MAP_PNG_NAME = "map.png"
 PHOTO_FOLDER = "photos"
 
+RECORDED_NAMES = (DATABASE_NAME, TRAJECTORY_NAME, SMOOTHED_NAME, MAP_POINTS_NAME, POIS_NAME)  # what makes it a run
+
 MAP_HEADER = "x_m,y_m,inferred"
 MAP_REACH_M = 500.0  # along either axis from the start: what is said to lie farther lies on no floor
 
@@ -215,6 +217,11 @@ def _checked(poi: Node) -> dict[str, Any]:
     if poi.has("poi_id"):
         known["poi_id"] = poi.whole("poi_id")
     return known | {name: poi.number(name) for name in ("x_m", "y_m")}
+
+
+def files_of_run(run_dir: Path) -> list[str]:
+    """Which of RECORDED_NAMES the folder holds."""
+    return [name for name in RECORDED_NAMES if (run_dir / name).exists()]
 
 
 def read_path(run_dir: Path) -> tuple[FloatArray, FloatArray]:

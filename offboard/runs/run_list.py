@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +15,7 @@ from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
 
 _NEWEST_S = datetime(9999, 1, 1, tzinfo=UTC).timestamp()  # some file systems know later times than Python
+_ADVICE = "name a folder that holds runs, or record one with `indoor-mapping local`"
 FIGURES = ("coverage", "map_rmse_m", "home_m", "ate_fit_m")
 
 
@@ -102,7 +103,17 @@ def _holds_run(folder: Path) -> bool:
         return True
 
 
-def find_runs(roots: Iterable[Path]) -> list[RunLine]:
-    """Every run in these folders or one level below, oldest first; raises OSError for a folder nobody may look into."""
-    folders = {f for root in roots if root.is_dir() for f in (root, *root.iterdir())}
-    return sorted(map(read_run, filter(_holds_run, folders)), key=lambda run: (run.date, run.folder))
+def find_runs(roots: Sequence[Path]) -> list[RunLine]:
+    """Every run in these folders or one level below, oldest first.
+
+    Raises RunFolderError where there is no such folder or no run in any of them, OSError for one nobody may look into.
+    """
+    for root in roots:
+        if not root.is_dir():
+            raise RunFolderError(f"There is no folder {root}; {_ADVICE}")
+    folders = {folder for root in roots for folder in (root, *root.iterdir())}
+    runs = [read_run(folder) for folder in folders if _holds_run(folder)]
+    if not runs:
+        looked_in = ", ".join(map(str, roots))
+        raise RunFolderError(f"No run in {looked_in}: a run has {DATABASE_NAME} or {TRAJECTORY_NAME}; {_ADVICE}")
+    return sorted(runs, key=lambda run: (run.date, run.folder))

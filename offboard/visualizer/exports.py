@@ -14,10 +14,10 @@ from urllib.parse import quote
 
 from starlette.concurrency import run_in_threadpool
 
-from offboard.runs.run_folder import map_points_parts
+from offboard.export.formats import EXPORTS
 from offboard.visualizer.feed import Feed
 
-MEDIA_TYPES = {"svg": "image/svg+xml", "png": "image/png", "csv": "text/csv"}
+LIVE_EXPORTS = {name: export.live for name, export in EXPORTS.items() if export.live is not None}
 KEPT_S = 2.0  # for so long an export is given again though the robot drives on
 
 
@@ -35,7 +35,7 @@ class Exports:
         self._one_at_a_time = asyncio.Lock()
 
     async def get(self, form: str) -> bytes:
-        """`form` is one of MEDIA_TYPES."""
+        """`form` is one of LIVE_EXPORTS."""
         async with self._one_at_a_time:
             made = self._made.get(form)
             fresh = made is not None and time.monotonic() - made.made_s < KEPT_S
@@ -44,15 +44,8 @@ class Exports:
             return made.content
 
     def _make(self, form: str) -> _Made:
-        from offboard.export import map_picture  # here, because SciPy would make the page wait at every start
-
         drawn, data = self._feed.drawn(), self._feed.map_data()
-        if form == "png":
-            content = map_picture.as_png(data)
-        elif form == "svg":
-            content = map_picture.as_svg(data).encode()
-        else:
-            content = b"".join(map_points_parts(data.points_m, data.inferred))
+        content = LIVE_EXPORTS[form].render(data)
         return _Made(content, drawn, time.monotonic())
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from math import isfinite
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from common.errors import ERRORS, ErrorInfo
 from common.messages import MODULES, STATUS
+from offboard.export.formats import EXPORTS
 from offboard.visualizer.live_model import LiveModel, Token
 
 Frame = str | bytes
@@ -62,9 +63,10 @@ def binary_frame(channel: str, *body: bytes | memoryview, **values: Any) -> byte
     return b"".join((len(head).to_bytes(4, "little"), head, *body))
 
 
-def hello(robot: str) -> Frame:
-    """The first frame of a connection."""
-    return text_frame("hello", robot=robot)
+def hello(robot: str, exports: Iterable[str]) -> Frame:
+    """The first frame of a connection; `exports` are those that the page offers."""
+    offered = [{"form": form, "title": EXPORTS[form].title} for form in exports]
+    return text_frame("hello", robot=robot, exports=offered)
 
 
 def heartbeat(model: LiveModel, now_s: float, skipped: int) -> Frame:

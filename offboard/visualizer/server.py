@@ -30,7 +30,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from common.errors import StartError
 from offboard.visualizer import protocol
 from offboard.visualizer.connections import CONNECTIONS_MAX, BoundedProtocol, keep_log_brief
-from offboard.visualizer.exports import MEDIA_TYPES, Exports, attachment
+from offboard.visualizer.exports import LIVE_EXPORTS, Exports, attachment
 from offboard.visualizer.feed import Client, Feed
 
 PAGE = Path(__file__).with_name("page")
@@ -185,10 +185,12 @@ class PageServer:
 
     async def _export(self, request: Request) -> Response:
         form = request.path_params["form"]
-        if form not in MEDIA_TYPES:
-            return PlainTextResponse(f"No export as {form}; choose from {', '.join(MEDIA_TYPES)}.", 404)
+        if form not in LIVE_EXPORTS:
+            return PlainTextResponse(f"No export as {form}; choose from {', '.join(LIVE_EXPORTS)}.", 404)
         file_name = f"{self._robot}-map.{form}"
-        return _Pieces(await self._exports.get(form), MEDIA_TYPES[form], {"Content-Disposition": attachment(file_name)})
+        return _Pieces(
+            await self._exports.get(form), LIVE_EXPORTS[form].media_type, {"Content-Disposition": attachment(file_name)}
+        )
 
     async def _live(self, page: WebSocket) -> None:
         if not _same_origin(page) or self.pages >= PAGES_MAX:
@@ -215,7 +217,7 @@ class PageServer:
 
     async def _send(self, page: WebSocket, client: Client, news: asyncio.Event) -> None:
         """Sends what is new as fast as the page takes it; `send` waits while its buffer is full."""
-        await _send_frame(page, protocol.hello(self._robot))
+        await _send_frame(page, protocol.hello(self._robot, tuple(LIVE_EXPORTS)))
         loop = asyncio.get_running_loop()
         next_s = loop.time()
         while not self._server.should_exit:

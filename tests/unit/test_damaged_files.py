@@ -22,7 +22,7 @@ from common.errors import StartError, sentence
 from common.zenoh_session import main_channel
 from deploy import cli
 from deploy.cli import main
-from offboard.export.formats import EXPORTERS
+from offboard.export.formats import EXPORTS
 from offboard.runs import run_database
 from offboard.simulator.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world
 from onboard.poi.door_detection import ColourBox
@@ -57,7 +57,7 @@ def test_damaged_run_folders_are_listed_and_exported_or_refused_in_a_sentence(
         began_s = time.monotonic()
         assert main(["runs", str(root)]) == 0, case
         assert f"{beside.folder}  " in capsys.readouterr().out, case
-        wanted = damage.chance.choice(tuple(EXPORTERS))
+        wanted = damage.chance.choice(tuple(EXPORTS))
         code = main(["export", str(run.folder), "--to", str(tmp_path / "out"), "--format", wanted])
         assert_told(code, capsys.readouterr().err)
         slowest_s = max(slowest_s, time.monotonic() - began_s)

@@ -150,3 +150,36 @@ def test_damaged_points_of_interest_hold_up_neither_goto_nor_command_center(
     (run.folder / "pois.json").write_text('[{"poi_id": 1}]')
     assert findings_of_run(run.folder) == {}
     assert "pois.json: key '[0].x_m' is missing" in caplog.text
+
+
+@pytest.mark.parametrize("verb", ["runs", "export"])
+@pytest.mark.parametrize("content", [None, [], ["summary.json"]])
+def test_a_folder_without_a_run_is_one_sentence_with_what_to_do(
+    verb: str, content: list[str] | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "empty"
+    for name in content or []:
+        folder.mkdir()
+        (folder / name).write_text("{}")
+    if content == []:
+        folder.mkdir()
+    words = [verb, str(folder)] + (["--to", str(tmp_path / "out")] if verb == "export" else [])
+    code = main(words)
+    error = capsys.readouterr().err
+    assert_told(code, error)
+    assert str(folder) in error
+    assert "`indoor-mapping" in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_that_has_no_map_yet_is_listed_and_exported_with_what_it_holds(
+    sound_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    run, out = RunFolder(tmp_path / "runs" / "young", sound_run), tmp_path / "out"
+    for name in ("map_points.csv", "pois.json", "summary.json", "trajectory_smoothed.tum"):
+        (run.folder / name).unlink(missing_ok=True)
+    assert main(["runs", str(tmp_path / "runs")]) == 0
+    assert str(run.folder) in capsys.readouterr().out
+    assert main(["export", str(run.folder), "--to", str(out), "--format", "csv,tum"]) == 0
+    assert [file.name for file in out.iterdir()] == ["trajectory.tum"]
+    assert f"{run.folder} holds no map yet, only run.sqlite, trajectory.tum." in caplog.text

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from offboard.export.formats import ExportError, export
 from offboard.export.map_picture import (
     IMAGE_SIDE_MAX_PX,
     PIXELS_PER_M,
-    ExportError,
     as_png,
     as_svg,
     draw,
-    export_run,
     join,
     thin,
 )
@@ -122,13 +121,12 @@ def test_export_writes_the_pictures_of_a_run_folder(tmp_path: Path) -> None:
     run_folder.write_map_points(run / run_folder.MAP_POINTS_NAME, data.points_m, data.inferred)
     run_folder.write_tum(run / run_folder.TRAJECTORY_NAME, np.arange(len(data.trajectory)) * 1.0, data.trajectory)
     run_folder.write_json(run / run_folder.POIS_NAME, data.pois)
-    assert export_run(run, ["svg", "png"], out) == [out / "map.svg", out / "map.png"]
+    assert export(run, out, ["svg", "png"]) == [out / "map.svg", out / "map.png"]
     assert (out / "map.svg").read_text() == as_svg(run_folder.read_map(run))
-    assert [path.name for path in export_run(run, ["svg"])] == ["map.svg"]
 
 
 def test_unknown_format_and_missing_run_are_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(ExportError, match="no export format 'dxf'; choose from svg, png"):
-        export_run(tmp_path, ["dxf"])
+        export(tmp_path, tmp_path, ["dxf"])
     with pytest.raises(ExportError, match="no run folder at"):
-        export_run(tmp_path / "none", ["svg"])
+        export(tmp_path / "none", tmp_path, ["svg"])

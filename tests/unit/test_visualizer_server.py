@@ -292,7 +292,9 @@ def test_another_sites_page_may_not_listen(server: PageServer) -> None:
 def test_a_page_is_told_at_once_and_then_what_is_new(server: PageServer, feed: Feed) -> None:
     with live(server) as page:
         first = [page.recv(timeout=5) for _ in range(3)]
-        assert json.loads(first[0]) == {"channel": "hello", "robot": "robot7"}
+        hello = json.loads(first[0])
+        assert (hello["channel"], hello["robot"]) == ("hello", "robot7")
+        assert [offer["form"] for offer in hello["exports"]] == ["svg", "png", "csv"]
         until(lambda: server.pages == 1)
         feed.take(POSE, PoseEstimate(0.0, 3.0, 0.0, 0.0, 0.0, 0.1, 0.1, 1))
         while True:

@@ -51,6 +51,7 @@ function centre(poi, focus = false) {
 
 function take(channel, message) {
   model.take(channel, message);
+  if (channel === "hello") offer(message.exports);
   if (channel === "pois") {
     markers.set(model.pois);
     list.set(model.pois);
@@ -60,6 +61,19 @@ function take(channel, message) {
   if (channel === "grid") map.redecode();
   // A grid is drawn when it is unpacked, and the trail grows below the robot
   if (channel !== "grid" && channel !== "heartbeat" && channel !== "hello") map.draw(channel !== "plan" && channel !== "permit");
+}
+
+function offer(exports) {
+  const links = exports.map(({ form, title }) => {
+    const link = document.createElement("a");
+    link.href = `export/map.${form}`;
+    link.download = "";
+    const name = document.createElement("b");
+    name.textContent = form.toUpperCase();
+    link.append(name, ` ${title}`);
+    return link;
+  });
+  $("print").parentElement.replaceChildren(...links, $("print"));
 }
 
 function showTools() {
