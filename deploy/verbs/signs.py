@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 from common.config import load_config
+from common.errors import StartError, sentence
 
 
 def add_verbs(verbs: Any) -> None:
@@ -18,8 +20,21 @@ def add_verbs(verbs: Any) -> None:
 
 
 def _read_signs(arguments: argparse.Namespace) -> int:
-    from onboard.poi.photo_reading import findings  # here, because it loads OpenCV
+    """Exit code 2 when a photo could not be read; the others are read all the same."""
+    from onboard.poi.frame_source import photo_files  # here, because they load OpenCV
+    from onboard.poi.photo_reading import PhotoReader
 
-    for finding in findings(arguments.photos, load_config(arguments.config).poi):
-        print(json.dumps(finding, ensure_ascii=False), flush=True)
-    return 0
+    section = load_config(arguments.config).poi
+    files = [file for path in arguments.photos for file in photo_files(path)]
+    reader = PhotoReader(section)
+    code = 0
+    for file in files:
+        try:
+            findings = reader.findings(file)
+        except (StartError, OSError) as error:
+            sys.stderr.write(f"indoor-mapping: {sentence(error)}\n")
+            code = 2
+            continue
+        for finding in findings:
+            print(json.dumps(finding, ensure_ascii=False), flush=True)
+    return code

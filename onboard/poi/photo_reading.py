@@ -6,7 +6,6 @@ and distance of the wall, the sign is placed too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -17,29 +16,33 @@ from common.config import PoiSection
 from common.geometry import Pose2
 from onboard.poi.camera_model import CameraModel
 from onboard.poi.frame import FULL_SIZE_PX, Image
-from onboard.poi.frame_source import photo_files, pose_sidecar, read_photo
+from onboard.poi.frame_source import pose_sidecar, read_photo
 from onboard.poi.sharpness import sharpness
 from onboard.poi.sign_placement import WallLine
-from onboard.poi.sign_reading import SignReader, SignReading, Verdict, signs
+from onboard.poi.sign_reading import SignReader, SignReading, Verdict, sign_rules, signs
 
 PHOTO_DETECTION_SIDE_PX = 640  # finds 98 % of the numbers in photos from 1 to 3 m, and no false ones
 
 
-def findings(paths: list[Path], section: PoiSection) -> Iterator[dict[str, Any]]:
-    """One record per number plate, photo by photo; raises StartError."""
-    from onboard.poi.poi import sign_rules
+class PhotoReader:
+    """Reads number plates in photos, one photo at a time. Loading its models takes about a second."""
 
-    files = [file for path in paths for file in photo_files(path)]
-    rules = sign_rules(section)
-    reader = SignReader(PHOTO_DETECTION_SIDE_PX)
-    for file in files:
+    def __init__(self, section: PoiSection) -> None:
+        self._section = section
+        self._rules = sign_rules(section)
+        self._reader = SignReader(PHOTO_DETECTION_SIDE_PX)
+
+    def findings(self, file: Path) -> list[dict[str, Any]]:
+        """One record per number plate; raises StartError or OSError when photo or sidecar cannot be read."""
         photo = read_photo(file)
         scale = min(1.0, FULL_SIZE_PX[0] / max(photo.shape[:2]))
         image = cv2.resize(photo, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else photo
-        for lines in signs(reader.lines(image)):
-            reading = rules.judge(lines)
-            if reading.verdict is Verdict.PLATE:
-                yield _record(file, image, reading, scale) | _place(file, photo, reading, scale, section)
+        readings = (self._rules.judge(lines) for lines in signs(self._reader.lines(image)))
+        return [
+            _record(file, image, reading, scale) | _place(file, photo, reading, scale, self._section)
+            for reading in readings
+            if reading.verdict is Verdict.PLATE
+        ]
 
 
 def _record(file: Path, image: Image, reading: SignReading, scale: float) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, radians
-from re import compile as regular_expression
 
 from common.bus import Bus
 from common.config import PoiSection
@@ -25,7 +24,7 @@ from onboard.poi.reading_worker import Read, ReadingWorker, read
 from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_before
 from onboard.poi.sightings import Sign
 from onboard.poi.sign_placement import WallPoint
-from onboard.poi.sign_reading import SignReader, SignRules
+from onboard.poi.sign_reading import SignReader, sign_rules
 from onboard.poi.survey import Survey
 
 NO_FRAMES_S = 2.0
@@ -36,11 +35,6 @@ MOVED_M = 0.04  # a record whose place changed less is not told again
 SAME_RECORD_M = 0.6
 RETAKE_NEAR_M = 4.0  # it does not go further back than this
 DOOR, NAME_TAG = "Door", "Name Tag"
-
-
-def sign_rules(section: PoiSection) -> SignRules:
-    """The site's rules."""
-    return SignRules(regular_expression(section.number_pattern), section.room_types)
 
 
 def reader_of(section: PoiSection) -> Read:

@@ -17,6 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from common.config import PoiSection
 from onboard.poi.frame import Image
 
 DETECTION_SIDE_PX = 480
@@ -212,6 +213,11 @@ class SignRules:
         tight = {kind.replace(" ", ""): kind for kind in known}
         match = difflib.get_close_matches(plain.replace(" ", ""), tight, n=1, cutoff=TYPE_LIKENESS)
         return known[tight[match[0]]] if match else ""
+
+
+def sign_rules(section: PoiSection) -> SignRules:
+    """The site's rules as robot.toml gives them."""
+    return SignRules(re.compile(section.number_pattern), section.room_types)
 
 
 def _neighbours(a: TextLine, b: TextLine) -> bool:

@@ -26,7 +26,7 @@ from offboard.export.formats import EXPORTS
 from offboard.runs import run_database
 from offboard.simulator.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world
 from onboard.poi.door_detection import ColourBox
-from onboard.poi.poi import sign_rules
+from onboard.poi.sign_reading import sign_rules
 from tests.unit.damage import Damage, RunFolder, assert_told
 from tests.unit.test_poi_frames import chessboard_view, plate_picture
 

@@ -244,6 +244,22 @@ def test_read_signs_prints_a_json_line_for_every_plate(tmp_path: Path, capsys: p
     assert (finding["x_m"], finding["y_m"]) == pytest.approx((2.0, 0.0), abs=0.05)
 
 
+def test_read_signs_goes_on_after_a_photo_that_it_cannot_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rapidocr")
+    (tmp_path / "a damaged.jpg").write_bytes(b"no picture")
+    cv2.imwrite(str(tmp_path / "b plate.png"), cv2.resize(plate_picture(), None, fx=2, fy=2))
+    (tmp_path / "c empty.png").write_bytes(b"")
+    assert main(["read-signs", str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    assert [json.loads(line)["number"] for line in out.splitlines()] == ["304"]
+    complaints = err.splitlines()
+    assert len(complaints) == 2
+    assert "a damaged.jpg is no picture" in complaints[0]
+    assert "c empty.png is no picture" in complaints[1]
+
+
 def test_read_signs_without_a_photo_says_what_it_wants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["read-signs", str(tmp_path / "none.jpg")]) == 2
     assert "There is no photo" in capsys.readouterr().err
