@@ -1,19 +1,21 @@
-"""What happens on a floor while the robot maps it: people walk, a hall is blocked, a door is opened.
+"""What happens on a floor while the robot maps it: people walk, a hall is blocked, a door opens, the robot is turned.
 
 Reads a JSON file; all lists may be missing:
 
     {"people":  [{"from_s": 20, "to_s": 60, "speed_m_s": 1.0, "radius_m": 0.25, "waypoints": [[x, y], ...]}],
      "blocked": [{"from_s": 30, "to_s": 90, "line": [[x, y], [x, y]]}],
-     "opened":  [{"at_s": 40, "door": "204", "room": [[x, y], ...]}]}
+     "opened":  [{"at_s": 40, "door": "204", "room": [[x, y], ...]}],
+     "turned":  [{"from_s": 50, "to_s": 52, "angle_deg": 40}]}
 
 A person comes at `from_s`, walks along the way-points, stands at the last one and is gone at `to_s`. A hall is blocked
-by a barrier along a line. A door, named by its number, opens into a room, a polygon behind the wall.
+by a barrier along a line. A door, named by its number, opens into a room, a polygon behind the wall. `turned`: a person
+turns the robot by hand, counter-clockwise for a positive angle; the wheels take no part in it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, hypot, inf, sin
+from math import cos, hypot, inf, radians, sin
 from pathlib import Path
 
 import numpy as np
@@ -84,12 +86,22 @@ class OpenedDoor:
 
 
 @dataclass(frozen=True, slots=True)
+class HandTurn:
+    """A person turns the robot at an even rate, without turning its wheels."""
+
+    from_s: float
+    to_s: float
+    angle_rad: float
+
+
+@dataclass(frozen=True, slots=True)
 class Events:
     """All that happens on a floor, on the clock of the world (seconds since power-on)."""
 
     people: tuple[Person, ...] = ()
     barriers: tuple[Barrier, ...] = ()
     opened: tuple[OpenedDoor, ...] = ()
+    turns: tuple[HandTurn, ...] = ()
 
     def change_times_s(self) -> list[float]:
         """When the walls change, in order."""
@@ -105,6 +117,10 @@ class Events:
         standing = [b.segments() for b in self.barriers if b.from_s <= now_s < b.to_s]
         return np.vstack([walls, *standing])
 
+    def hand_turn_rate_rad_s(self, now_s: float) -> float:
+        """The yaw rate (rad/s) that people give the robot at that time."""
+        return sum(t.angle_rad / (t.to_s - t.from_s) for t in self.turns if t.from_s <= now_s < t.to_s)
+
     def open_doors(self, now_s: float) -> tuple[Door, ...]:
         """The doors that stand open at that time."""
         return tuple(opened.door for opened in self.opened if opened.at_s <= now_s)
@@ -118,6 +134,7 @@ def load_events(path: str | Path, floor: Floor) -> Events:
         people=tuple(_person(node) for node in reader.optional_children("people")),
         barriers=tuple(_barrier(node) for node in reader.optional_children("blocked")),
         opened=tuple(_opened(node, floor) for node in reader.optional_children("opened")),
+        turns=tuple(_hand_turn(node) for node in reader.optional_children("turned")),
     )
 
 
@@ -148,6 +165,11 @@ def _barrier(node: Node) -> Barrier:
         raise node.error("line", f"must be two points more than {BARRIER_THICKNESS_M} m apart")
     x0, y0, x1, y1 = points.ravel().tolist()
     return Barrier(from_s, to_s, (x0, y0, x1, y1))
+
+
+def _hand_turn(node: Node) -> HandTurn:
+    from_s, _ = _interval(node)
+    return HandTurn(from_s, node.number("to_s"), radians(node.number("angle_deg")))
 
 
 def _opened(node: Node, floor: Floor) -> OpenedDoor:

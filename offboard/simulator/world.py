@@ -186,6 +186,7 @@ class World:
 
     def _move_body(self) -> None:
         speed_m_s, yaw_rate_rad_s = self._drive_train.step(*self.board.outputs())
+        yaw_rate_rad_s += self._events.hand_turn_rate_rad_s(self.time_s)
         middle_rad = self._pose[2] + 0.5 * yaw_rate_rad_s * STEP_S
         ctrl = self._ctrl
         ctrl[0] = speed_m_s * cos(middle_rad)

@@ -296,6 +296,20 @@ def test_an_opened_door_lets_the_robot_into_the_room(tmp_path: Path) -> None:
     assert world.echo_model.wall_ahead_m(door.x_m, door.y_m + 0.07, 0.0) == pytest.approx(door.width_m / 2)
 
 
+def test_a_person_turns_the_standing_robot_and_only_the_gyro_measures_it(tmp_path: Path) -> None:
+    floor = hall()
+    events = events_from(tmp_path, {"turned": [{"from_s": 1.0, "to_s": 3.0, "angle_deg": -40}]}, floor)
+    world, board = world_with(floor, events=events)
+    board.drive = (0, 0, False)
+    run(world, 0.9)
+    assert not any(board.gyro_z)
+    run(world, 3.0)
+    assert degrees(world.truth.heading_rad) == pytest.approx(-40.0, abs=0.5)
+    assert sum(board.gyro_z) / 65.5 * 0.01 == pytest.approx(-40.0, abs=0.5)
+    assert board.edges == [0, 0]
+    assert (world.truth.x_m, world.truth.y_m) == pytest.approx((1.0, 1.0), abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("content", "key", "complaint"),
     [
@@ -306,6 +320,7 @@ def test_an_opened_door_lets_the_robot_into_the_room(tmp_path: Path) -> None:
         ({"opened": [{"at_s": 5, "door": "999", "room": []}]}, "opened[0].door", "no door"),
         ({"opened": [{"at_s": 5, "door": "101", "room": [[0, 0], [1, 0], [1, 1]]}]}, "opened[0].room", "fit"),
         ({"people": 5}, "people", "list"),
+        ({"turned": [{"from_s": 5, "angle_deg": 40}]}, "turned[0].to_s", "missing"),
     ],
 )
 def test_a_bad_events_file_is_refused_in_one_sentence(tmp_path: Path, content: Any, key: str, complaint: str) -> None:
