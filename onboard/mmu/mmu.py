@@ -29,6 +29,7 @@ from onboard.mmu.map.grid_encoder import GridEncoder
 from onboard.mmu.map.map_file import MAP_NAME, SavedMap, load_map
 from onboard.mmu.slam import ROBOT, Carrier, Slam
 
+# How often each is published at most
 GRID_PERIOD_S = 1.0
 TRAJECTORY_PERIOD_S = 10.0
 MAX_SD_M = MAP_TOLERANCE_M  # a pose less certain than this is not valid

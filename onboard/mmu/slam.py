@@ -92,7 +92,7 @@ class Slam:
     @property
     def anchored_pose(self) -> tuple[int, Pose2]:
         """The newest keyframe, and the robot as seen from it; a smoothed path follows from the corrected keyframes."""
-        return self._keyframes.counts.keyframes - 1, self._keyframes.from_newest(self._odometry.pose)
+        return len(self._keyframes.keyframes) - 1, self._keyframes.from_newest(self._odometry.pose)
 
     @property
     def map(self) -> DrawnMap:
@@ -161,7 +161,7 @@ class Slam:
     # Keyframes
 
     def _keyframe_due(self) -> bool:
-        count, kidnapped = self._keyframes.counts.keyframes, self._odometry.filter.kidnapped
+        count, kidnapped = len(self._keyframes.keyframes), self._odometry.filter.kidnapped
         if count == self._back_end.prior.keyframes or kidnapped:
             return True
         last, pose = self._keyframes.keyframes[-1].odom, self._odometry.pose

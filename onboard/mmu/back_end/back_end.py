@@ -19,6 +19,7 @@ from onboard.mmu.back_end.wall_association import WallAssociation
 from onboard.mmu.back_end.walls_ahead import WallsAhead
 from onboard.mmu.map.keyframes import ObservationStore
 
+# How often constraints are searched for and the graph is optimised. The sensitivity was not measured
 MATCH_EVERY_M = 1.0  # of path
 CHI2_MAX = 0.5  # new constraints whose chi-squared is smaller need no optimisation yet
 CALIBRATION_LOG_M = 10.0  # of path between two lines about the calibration

@@ -11,7 +11,7 @@ from onboard.mmu.back_end.worker import Worker
 from onboard.mmu.map.keyframe_map import Counts, KeyframeMap
 from onboard.mmu.map.keyframes import LastSeen
 
-HAND_OVER_M = 0.5  # of path
+HAND_OVER_M = 0.5  # of path; the sensitivity was not measured
 
 
 class BackEndLink:

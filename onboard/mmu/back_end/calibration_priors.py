@@ -20,7 +20,7 @@ class CalibrationPrior:
     """Standard deviations of odometry's systematic errors."""
 
     drift_rad_per_m: float
-    # Of the drift's change from one stretch to the next. None: every stretch begins anew, as after a zero-velocity
+    # Of the drift's change from one stretch to the next. None: every stretch begins at zero, as after a zero-velocity
     # update of the gyro's bias
     drift_step_rad_per_m: float | None
     turn_scale_error: float  # rad/rad
@@ -35,7 +35,7 @@ class CalibrationPrior:
 
 
 class _DirectPriors(FactorGroup):
-    """Each of the states from `_first_column` on is zero, with its standard deviation."""
+    """Each of some states is zero, with its standard deviation."""
 
     def __init__(self, sd: FloatArray) -> None:
         self._sd = sd

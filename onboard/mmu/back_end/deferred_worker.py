@@ -10,7 +10,7 @@ from pathlib import Path
 from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.back_end.map_builder import MapBuilder
 
-LATENCY_S = 0.4
+LATENCY_S = 0.4  # of the messages' clock: stands for the time that the back end takes; the sensitivity was not measured
 
 
 class DeferredWorker:

@@ -13,6 +13,7 @@ from onboard.mmu.back_end.factors import FactorGroup, chi_squared
 from onboard.mmu.back_end.robust_loss import PHI
 from onboard.mmu.back_end.states import Layout, States
 
+# Of the solver. The sensitivity was not measured
 ITERATIONS = 14
 GRADUATION = 3.0  # by which the robust losses' phi shrinks from one iteration to the next
 AT_REST = 1e-3  # metres and radians: a step without one larger than this is the last

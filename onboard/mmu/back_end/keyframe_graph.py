@@ -13,10 +13,11 @@ from onboard.mmu.back_end.pose_graph import PoseGraph
 from onboard.mmu.front_end.scan_matching import Match, register
 from onboard.mmu.map.keyframes import Keyframe, ObservationStore, in_map
 
+# Standard deviations and lengths are rough on purpose. The sensitivity was not measured
 PRIOR_MAP = np.diag([0.01**-2, 0.01**-2, radians(0.1) ** -2])  # information between keyframes of a prior map
-KIDNAPPED = np.diag([2.0**-2, 2.0**-2, radians(30.0) ** -2])  # where the robot may have been carried in between
-KIDNAPPED_M = 200.0  # of path without a loop closure: how widely a robot that may have been carried is searched for
-STRETCH_M = 10.0  # of travel with one value of the drift; as long as the gyro needs for several zero-velocity updates
+KIDNAPPED = np.diag([2.0**-2, 2.0**-2, radians(30.0) ** -2])  # where the robot may have been kidnapped in between
+KIDNAPPED_M = 200.0  # of path without a loop closure: as widely a kidnapped robot is searched for
+STRETCH_M = 10.0  # of travel with one value of the drift
 
 
 class KeyframeGraph:
@@ -76,7 +77,7 @@ class KeyframeGraph:
         self._keyframes.append(keyframe)
 
     def distrust_odometry(self) -> None:
-        """No gyro leads its heading: the constraints found while that was believed are dropped."""
+        """No gyro leads its heading: the constraints that relied on it are dropped."""
         self.noise = WHEELS_ALONE
         self.graph.begin_with(WHEELS_ALONE.calibration)
         for row in self.graph.odometry.rows:

@@ -17,10 +17,9 @@ from onboard.mmu.map.occupancy import OccupancyGrid
 from onboard.mmu.map.wall_points import WallPoints
 from onboard.mmu.map.wall_segments import Rays, inferred_points
 
+# The sensitivity was not measured
 REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and walls
-REDRAW_PATH_M = (
-    10.0  # after so much path the walls are drawn again in any case: what a page may lack of inferred corners
-)
+REDRAW_PATH_M = 10.0  # after so much path the walls are drawn again in any case
 
 
 class MapBuilder:

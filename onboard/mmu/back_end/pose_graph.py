@@ -44,7 +44,7 @@ class PoseGraph:
         self.begin_with(prior)
 
     def begin_with(self, prior: CalibrationPrior) -> None:
-        """Only nodes, odometry and calibration states stay; constraints and walls begin anew under that prior."""
+        """Nodes, odometry and calibration states stay; constraints and walls are dropped. `prior` holds from now on."""
         self.prior = prior
         self.calibration = replace(self.calibration, wall_normals_rad=np.zeros(0))
         self.sequential_matches = SequentialMatchFactors()
@@ -68,7 +68,7 @@ class PoseGraph:
         return len(self._poses) - 1
 
     def begin_stretch(self, stretch: int) -> None:
-        """Its drift goes on from the stretch before, or begins anew, until the walls say otherwise."""
+        """Its drift continues that of the stretch before, or begins at zero, until walls show another one."""
         drift = self.calibration.drift_rad_per_m
         while len(drift) <= stretch:
             drift = np.append(drift, 0.0 if self.prior.drift_step_rad_per_m is None else drift[-1])

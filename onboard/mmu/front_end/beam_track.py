@@ -32,6 +32,7 @@ SIDEWAYS_SD_MAX_M = 0.15  # an echo whose place along the wall is less certain i
 NORMAL_SD_MAX_RAD = radians(8.0)
 HEAD_ON_RAD = radians(20.0)
 
+# When a run ends, and what is standing still. The sensitivity was not measured
 MISSES_MAX = 3
 STANDING_M = 0.002
 STANDING_RAD = radians(1.0)

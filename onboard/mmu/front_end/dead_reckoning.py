@@ -6,6 +6,7 @@ from common.geometry import Pose2, wrap_angle
 from common.messages import Odometry
 from onboard.mmu.front_end.odometry import OdometryFilter
 
+# The sensitivity was not measured
 PATH_M_PER_RAD = 0.6  # a robot that turns on the spot has as much new in view as one that drives so far
 POSES_KEPT = 60  # of recent odometry: six seconds of it
 

@@ -30,7 +30,7 @@ class Localisation:
         self._since_m = path_m
 
     def kidnap(self, path_m: float) -> None:
-        """The robot may have been carried elsewhere."""
+        """The robot may have been carried elsewhere (kidnapped robot problem)."""
         self.kidnapped = True
         self.begin_at(path_m)
         _log.info("position unknown path_m=%.1f: the robot is searched for in the map", path_m)

@@ -15,6 +15,7 @@ from onboard.mmu.front_end.beam_track import WINDOW_HALF_MAX_M, WINDOW_SAMPLES, 
 from onboard.mmu.front_end.echo_direction import Beam
 from onboard.mmu.front_end.range_to_wall import AHEAD_RAD, RangeToWall, WallAheadTrack
 
+# Beams and the spacing of rays. The sensitivity was not measured
 BEAM_HALF_RAD = radians(38.0)  # of the robot's sonars: half the angle within which a flat wall echoes
 RAY_EVERY_M = 0.08
 RAY_EVERY_RAD = radians(3.0)

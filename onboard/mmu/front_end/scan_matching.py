@@ -26,6 +26,7 @@ NORMALS_COS_MIN = 0.85
 POINT_SD_M = 0.03
 POINTS_PER_INDEPENDENT = 6.0  # neighbouring echoes share their errors
 ITERATIONS = 10
+PARTNERS_MIN = 8
 NORMAL_SD_RAD = radians(5.0)
 SECOND_BEST_M = 0.5  # how far the second-best place lies from the best one at least
 SECOND_BEST_CHI2 = 50.0  # squared Mahalanobis distance, likewise: along a bare hall it stays small
@@ -66,19 +67,33 @@ def register(
         if not places:
             return None
         start = np.array([places[0].x_m, places[0].y_m, places[0].turn_rad])
+    fit = _align(local, normals, fixed, fixed_normals, start)
+    if fit is None:
+        return None
+    correction, hessian, overlap, rms_m = fit
+    partners = round(overlap * len(points))
+    information = _without_scatter(hessian, partners) / (POINT_SD_M**2 * POINTS_PER_INDEPENDENT)
+    score = places[0].score if places else 0.0
+    second_best = max((p.score for p in places[1:] if _elsewhere(p, places[0], information)), default=0.0)
+    return Match(Pose2.from_array(correction), information, overlap, rms_m, score, second_best / max(score, 1e-9))
+
+
+def _align(
+    points: Points, normals: Points, fixed: Points, fixed_normals: Points, correction: FloatArray
+) -> tuple[FloatArray, FloatArray, float, float] | None:
+    """Point-to-line least squares from a first correction (3,) on.
+
+    Correction (3,), its Hessian (3, 3), share of the points that found a partner, and RMS of their distances (m).
+    """
     tree = cKDTree(fixed)
-    correction = start
-    information = np.zeros((3, 3))
-    used = np.zeros(len(points), dtype=bool)
-    rms_m = 0.0
     for iteration in range(ITERATIONS):
-        moved, turned = _move(correction, local, normals)
+        moved, turned = _move(correction, points, normals)
         gate_m = max(NEIGHBOUR_M * 0.7**iteration, NEIGHBOUR_FINAL_M)
         distance_m, index = tree.query(moved, distance_upper_bound=gate_m)
         used = np.isfinite(distance_m)
         index = np.where(used, index, 0)
         used &= (turned * fixed_normals[index]).sum(axis=1) > NORMALS_COS_MIN
-        if used.sum() < 8:
+        if used.sum() < PARTNERS_MIN:
             return None
         p, n = moved[used], fixed_normals[index[used]]
         residual = ((p - fixed[index[used]]) * n).sum(axis=1)
@@ -87,20 +102,20 @@ def register(
         hessian = (jacobian * weight[:, None]).T @ jacobian
         step = np.linalg.solve(hessian + np.diag([0.5, 0.5, 0.5]), (jacobian * weight[:, None]).T @ residual)
         correction = _compose(-step, correction)
-        information = hessian
-        rms_m = float(np.sqrt((weight * residual**2).sum() / weight.sum()))
         if abs(step[:2]).max() < 1e-3 and abs(step[2]) < 1e-4 and gate_m == NEIGHBOUR_FINAL_M:
             break
-    # Normals scatter: the information that they seem to give along a bare wall is noise
-    values, vectors = np.linalg.eigh(information[:2, :2])
-    values = np.maximum(values - float(used.sum()) * NORMAL_SD_RAD**2, 1e-3)
-    information[:2, :2] = (vectors * values) @ vectors.T
-    information[:2, 2] = information[2, :2] = 0.0
-    information = information / (POINT_SD_M**2 * POINTS_PER_INDEPENDENT)
-    score = places[0].score if places else 0.0
-    second_best = max((p.score for p in places[1:] if _elsewhere(p, places[0], information)), default=0.0)
-    ambiguity = second_best / max(score, 1e-9)
-    return Match(Pose2.from_array(correction), information, float(used.mean()), rms_m, score, ambiguity)
+    rms_m = float(np.sqrt((weight * residual**2).sum() / weight.sum()))
+    return correction, hessian, float(used.mean()), rms_m
+
+
+def _without_scatter(hessian: FloatArray, count: int) -> FloatArray:
+    """(3, 3): normals of `count` points scatter, and what they seem to measure along a bare wall is noise."""
+    out = np.zeros((3, 3))
+    values, vectors = np.linalg.eigh(hessian[:2, :2])
+    values = np.maximum(values - count * NORMAL_SD_RAD**2, 1e-3)
+    out[:2, :2] = (vectors * values) @ vectors.T
+    out[2, 2] = hessian[2, 2]
+    return out
 
 
 def _elsewhere(place: Place, best: Place, information: FloatArray) -> bool:

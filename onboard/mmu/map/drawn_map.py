@@ -36,7 +36,7 @@ class DrawnMap:
         self._drawn = Counts(0, drawn.echoes + len(echoes), drawn.rays + len(rays))
 
     def replace(self, grid: OccupancyGrid | None, walls: WallPoints | None, of: Counts) -> None:
-        """Grid and wall points, where they are given, were drawn anew from so many observations."""
+        """Grid and wall points, where they are given, were drawn again from so many observations."""
         if grid is not None:
             self.grid, self._drawn = grid, of
         if walls is not None:

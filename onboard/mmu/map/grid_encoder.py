@@ -11,7 +11,7 @@ from copy import copy
 from common.messages import GridUpdate
 from onboard.mmu.map.occupancy import CELL_M, OccupancyGrid
 
-CELLS_AT_ONCE = 100_000
+CELLS_AT_ONCE = 100_000  # in a step: bounds its time, see `python -m offboard.tools.mapping_cost`
 LEVEL = 1  # of zlib: a grid is mostly long runs of one value
 
 

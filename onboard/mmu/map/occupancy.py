@@ -14,6 +14,7 @@ import numpy.typing as npt
 from common.geometry import FloatArray, Points
 from common.grid_cells import FREE, UNKNOWN, WALL
 
+# Sizes of cells, patches and rays. The sensitivity was not measured
 CELL_M = 0.1
 GROWTH_CELLS = 100
 DRAWN_MAX_M = 500.0  # from the map's zero, in x and y: memory follows the floor, not the worst pose

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from common.constants import MAP_DENSITY_PER_M
 from common.geometry import FloatArray, Points
 
+# Straight segments. The sensitivity was not measured
 CELL_M = 0.05  # echoes in one cell that face alike count as one
 SECTORS = 16
 INLIER_M = 0.06
@@ -32,6 +33,8 @@ NEIGHBOUR_M = 0.35  # echoes further apart are no longer one wall: nothing that 
 LENGTH_MIN_M = 0.4
 CELLS_MIN = 5
 END_M = 2.0  # of a wall: what shows where it continues
+
+# Corners between them: what counts as one, and how many rays prove an opening. The sensitivity was not measured
 GAP_MAX_M = 1.3
 OVERSHOOT_M = 0.25  # a wall may seem to end that much behind the corner
 DIRECTION_SD_RAD_M = 0.05  # of a wall's direction, times its length: echoes near its end lie off, all to one side
