@@ -11,14 +11,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from common.messages import LAPTOP_RECORDED, ROBOT_SENDERS, TOPICS, QosProfile, Topic
+from common.messages import LAPTOP_RECORDED, TOPICS, QosProfile, Topic
+from common.modules import Board, on
 from common.recording import MESSAGE_BYTES_MAX, QUERY_BYTES_MAX
 
 # Common name of a certificate -> the modules that speak with it
 ROLES: dict[str, tuple[str, ...]] = {
-    "robot": tuple(module for module in ROBOT_SENDERS if module != "poi"),
-    "pi": ("poi",),
-    "laptop": ("recorder", "visualizer", "command_center"),
+    "robot": on(Board.MEGA, Board.BEAGLEBONE),
+    "pi": on(Board.RASPBERRY),
+    "laptop": on(Board.LAPTOP),
     "command_center": ("command_center",),
     "viewer": (),
 }

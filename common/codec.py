@@ -20,7 +20,7 @@ import msgpack
 import numpy as np
 
 from common.field_checks import Field, check_lengths, field_of
-from common.messages import NAME_OF_MODULE
+from common.modules import CODES
 
 CODEC_VERSION = 1
 _ARRAY_EXT = 1
@@ -190,5 +190,5 @@ def as_text(sender: str, receiver: str, payload: Any) -> str:
     """SendingModuleName_ReceivingModuleName_TimeStamp_Message; the time stamp in milliseconds of the sender's clock."""
     names = [field.name for field in dataclasses.fields(payload) if field.name not in ("t_s", "valid")]
     message = ",".join(_text_of(getattr(payload, name)) for name in names)
-    code = [NAME_OF_MODULE.get(module, module.upper()) for module in (sender, receiver)]
+    code = [CODES.get(module, module.upper()) for module in (sender, receiver)]
     return f"{code[0]}_{code[1]}_{round(payload.t_s * 1000)}_{message}"

@@ -61,19 +61,7 @@ from common.fields import (
     Volts,
     Word,
 )
-
-# The specification's names of the senders on the serial line and in the text form, and the process that speaks for each
-MODULES: dict[str, str] = {
-    "SIM": "sim",
-    "CAR": "car",
-    "MMU": "mmu",
-    "PLN": "planner",
-    "POI": "poi",
-    "CM": "comm",
-    "VSL": "visualizer",
-    "CC": "command_center",
-}
-NAME_OF_MODULE = {process: name for name, process in MODULES.items()} | {"bridge": "SIM", "recorder": "CM"}
+from common.modules import MODULES, OFFBOARD, ROBOT_SENDERS
 
 
 class QosProfile(Enum):
@@ -487,7 +475,7 @@ def _topic(
     return topic
 
 
-OFFBOARD = "recorder visualizer command_center"
+PEOPLE = " ".join(OFFBOARD)  # what stands on the laptop shows and stores it for people
 AT_ONCE = "and at once on change"
 
 ODOMETRY = _topic(
@@ -512,7 +500,7 @@ POSE = _topic(
     PoseEstimate,
     POSE_RATE_HZ,
     QosProfile.LATEST,
-    f"planner poi {OFFBOARD}",
+    f"planner poi {PEOPLE}",
     "lfc_mmu_poi lfc_mmu_pln lfc_mmu_cm",
 )
 MAP = _topic(
@@ -520,7 +508,7 @@ MAP = _topic(
     MapUpdate,
     MAP_RATE_MAX_HZ,
     QosProfile.STATE,
-    f"planner poi {OFFBOARD}",
+    f"planner poi {PEOPLE}",
     "lfc_mmu_pln lfc_mmu_cm lfc_cm_vsl",
     "on change",
 )
@@ -528,14 +516,12 @@ GRID = _topic(
     "mmu/grid", GridUpdate, MAP_RATE_MAX_HZ, QosProfile.STATE, "planner poi visualizer", "lfc_mmu_pln", "on change"
 )
 TRAJECTORY = _topic(
-    "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, OFFBOARD, "lfc_mmu_cm", "when the past was corrected"
+    "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, PEOPLE, "lfc_mmu_cm", "when the past was corrected"
 )
-PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, QosProfile.STATE, OFFBOARD, note="for people")
+PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, QosProfile.STATE, PEOPLE, note="for people")
 RETAKE = _topic("poi/request", PoiRequest, 0.0, QosProfile.COMMAND, "planner recorder", "lfc_poi_pln")
-POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, OFFBOARD, "lfc_poi_cm lfc_cm_vsl")
-PERMIT = _topic(
-    "comm/permit", Permit, PERMIT_RATE_HZ, QosProfile.COMMAND, f"bridge planner poi {OFFBOARD}", note=AT_ONCE
-)
+POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, PEOPLE, "lfc_poi_cm lfc_cm_vsl")
+PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, QosProfile.COMMAND, f"bridge planner poi {PEOPLE}", note=AT_ONCE)
 STOP = _topic("command_center/stop", StopRequest, 0.0, QosProfile.COMMAND, "bridge comm recorder", "lfc_cm_cc")
 OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, QosProfile.COMMAND, "planner comm recorder")
 OUTBOX = _topic(
@@ -549,9 +535,9 @@ CLOCK_ACK = _topic("clock/ack", ClockAck, 0.0, QosProfile.COMMAND, "", note="onl
 
 STATUS: dict[str, Topic[Status]] = {}
 LOG: dict[str, Topic[LogLine]] = {}
-for _module in ("sim", "car", "bridge", "mmu", "planner", "poi", "comm", "recorder", "visualizer", "command_center"):
+for _module in (module.name for module in MODULES):
     _flows = "lfc_cm_cc lfc_vsl_cc" if _module == "visualizer" else "lfc_cm_cc"
-    STATUS[_module] = _topic(f"{_module}/status", Status, STATUS_RATE_HZ, QosProfile.LATEST, f"comm {OFFBOARD}", _flows)
+    STATUS[_module] = _topic(f"{_module}/status", Status, STATUS_RATE_HZ, QosProfile.LATEST, f"comm {PEOPLE}", _flows)
     LOG[_module] = _topic(f"{_module}/log", LogLine, 0.0, QosProfile.EVENT, "recorder command_center", _flows)
 
 TOPICS: tuple[Topic[object], ...] = tuple(_TOPICS.values())
@@ -559,7 +545,5 @@ TOPICS: tuple[Topic[object], ...] = tuple(_TOPICS.values())
 # Flows that never touch the bus
 INTERNAL_FLOWS: dict[str, str] = {"lfc_sim_car": "program memory of the Arduino: SIM and Carrier share one program"}
 
-ON_ROBOT = ("bridge", "mmu", "planner", "comm", "poi")
-ROBOT_SENDERS = ("sim", "car", *ON_ROBOT)  # SIM and Carrier speak through the bridge
 ROBOT_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer in ROBOT_SENDERS)  # through the outbox
 LAPTOP_RECORDED = tuple(t for t in TOPICS if t.recorded and t.producer not in ROBOT_SENDERS)

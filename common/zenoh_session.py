@@ -29,11 +29,13 @@ from common.clock import FREE_LEASE_S
 from common.config import Config
 from common.errors import StartError
 from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
-from common.messages import ON_ROBOT, STOP
+from common.messages import STOP
+from common.modules import OFFBOARD, ON_ROBOT
 from common.recording import MESSAGE_BYTES_MAX
 
 Mode = Literal["peer", "client", "router"]
 
+ROBOT_ROUTER = "comm"
 LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
 # Over a poor Wi-Fi a link is given up before its first words have arrived, and so it never stands
 LAPTOP_LEASE_S = 2.0
@@ -46,10 +48,12 @@ _ANSWER_QUEUE = 16  # batches of 64 kB, enough for an answer of RECENT_BYTES
 # Collected piece by piece before anybody may judge it: what a message is beside its payload is much less
 _TRANSPORTED_BYTES_MAX = MESSAGE_BYTES_MAX + 64_000
 _COMMANDS = "{} commands"  # the name of the session that carries nothing else
+_LISTEN_ELSEWHERE = (ROBOT_ROUTER, LAPTOP_ROUTER, STOP.producer)
+_ON_ROBOT, _ON_LAPTOP = ([name for name in names if name not in _LISTEN_ELSEWHERE] for names in (ON_ROBOT, OFFBOARD))
 # Peers to whom others connect. Each has an address of its own on loopback, at the port of the router beside it, so that
 # several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
 # of these, and do not reach each other
-NEIGHBOURS = (_COMMANDS.format("bridge"), "bridge", "mmu", "planner", "poi", "simulator", "visualizer", "local")
+NEIGHBOURS = (_COMMANDS.format("bridge"), *_ON_ROBOT, "simulator", *_ON_LAPTOP, "local")
 _FIRST_HOST = 2  # 127.0.0.2 and so on; comm's router has 127.0.0.1
 _CLOSE_TIMEOUT_S = 1.0
 

@@ -19,10 +19,10 @@ from pathlib import Path
 from common.clock import FreeClock
 from common.config import load_config
 from common.messages import TOPICS
+from common.modules import PACKAGES, Board, on
 from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
 from deploy.bench.process_cost import between, command_line, family, memory, threads
-from deploy.local.process_table import PROCESSES
 
 FLOOR = "office"  # more than 40 m of hall
 SETTLE_S = 20.0  # from the start of the mission, until the map is large enough to be worth something
@@ -30,7 +30,6 @@ WATCH_S, WATCH_QUICK_S = 60.0, 15.0
 LISTEN_S = 10.0  # to the messages, after the figures of the processor were taken
 CATCH_UP_S = 3.0  # what was published before comes at once
 A8_FACTORS = (15, 20, 30)
-_BOARD = "beaglebone"
 _START_S = 60.0
 _END_S = 20.0
 _POLL_S = 0.2
@@ -71,7 +70,7 @@ class Mission:
 
     def processes(self) -> dict[str, list[int]]:
         """Of every process of the board, with what it started itself."""
-        modules = {spec.module: spec.name for spec in PROCESSES if spec.board == _BOARD}
+        modules = {PACKAGES[name]: name for name in on(Board.BEAGLEBONE)}
         found = {}
         for pid in family(self._process.pid):
             words = command_line(pid)

@@ -23,10 +23,10 @@ from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
 from deploy.bench.relay import Relay
 from deploy.local.mesh import free_port
-from deploy.local.process_table import BY_NAME
+from deploy.local.process_table import PROCESSES
 from deploy.local.supervisor import Supervisor
-from deploy.verbs.operator import ask_release, operate, press_stop
 from offboard.command_center.operations import Answer
+from offboard.command_center.operator_client import operate, press_stop, request_release
 from offboard.command_center.software_stop import Demand
 from offboard.simulator.options import floor_path
 from offboard.simulator.process import MOTORS_NAME
@@ -117,7 +117,7 @@ class StopMesh:
         until(self._granted, STARTUP_GRACE_S, "the permit")
 
     def _start(self, name: str, arguments: list[str], *, restart: bool = True) -> None:
-        self._supervisor.start(name, BY_NAME[name].module, arguments, restart)
+        self._supervisor.start(name, PROCESSES[name], arguments, restart)
 
     def _join(self) -> ZenohBus:
         return ZenohBus("command_center", self._across, FreeClock(), "client")
@@ -159,7 +159,7 @@ class StopMesh:
         return next((t_s - pressed_s for t_s, _, off in self.motors() if off and t_s > pressed_s), None)
 
     def release(self) -> None:
-        control = ask_release(self._operator)
+        control = request_release(self._operator)
         if control.demand is not Demand.NONE or control.release_failed:
             raise BenchFailed("the robot did not confirm the release")
 

@@ -27,7 +27,7 @@ from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, Outcome, PlannerView
 from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
-from deploy.local.process_table import PROCESSES, ProcessSpec
+from deploy.local.process_table import PROCESSES, SIMULATOR
 from deploy.local.supervisor import ProcessFailed, Supervisor
 from deploy.local.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
@@ -185,24 +185,22 @@ class LocalRun:
 
     def _start_processes(self) -> None:
         """All at once, but for the bridge: a port that is not there yet would cost it a whole second."""
-        *others, bridge = sorted(self._processes(), key=lambda s: s.name == "bridge")
-        for spec in others:
-            self._supervisor.start(spec.name, spec.module, self._arguments(spec), restart=spec.name != "simulator")
+        # The command center takes a terminal: it is opened in this one, where there is one
+        absent = {"command_center", "bridge"} | ({"poi"} if self._options.camera == "off" else set())
+        for name, package in PROCESSES.items():
+            if name not in absent:
+                self._supervisor.start(name, package, self._arguments(name), restart=name != SIMULATOR)
         self._until(self._serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
-        self._supervisor.start(bridge.name, bridge.module, self._arguments(bridge))
+        self._supervisor.start("bridge", PROCESSES["bridge"], self._arguments("bridge"))
 
-    def _processes(self) -> list[ProcessSpec]:
-        """Those of the local mesh; the POI module only where there is something to look at."""
-        return [s for s in PROCESSES if s.local and (s.name != "poi" or self._options.camera != "off")]
-
-    def _arguments(self, spec: ProcessSpec) -> list[str]:
+    def _arguments(self, name: str) -> list[str]:
         options = self._options
         arguments = ["--config", str(self._config_file), "--log-dir", str(self._work)]
         if options.speed != 1.0:
             arguments += ["--clock", "shared"]
-        if spec.name in ("recorder", "visualizer"):
+        if name in ("recorder", "visualizer"):
             arguments += ["--run-dir", str(self._folder)]
-        if spec.name == "simulator":
+        if name == SIMULATOR:
             arguments += ["--floor", str(options.floor.resolve()), "--start", str(options.start)]
             arguments += ["--seed", str(options.seed), "--errors", options.errors, "--speed", str(options.speed)]
             arguments += ["--camera", options.camera, "--frames", str(self._frames)]

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from enum import Enum
 
-from deploy.local.process_table import BY_NAME
+from deploy.local.process_table import PROCESSES
 
 END_TIMEOUT_S = 5.0
 _KEEP_CODE = 3
@@ -35,7 +35,7 @@ class TerminalUi:
     """The running screen. `left` says when and how it was left; `close` in `finally`."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        module = BY_NAME["command_center"].module
+        module = PROCESSES["command_center"]
         command = [sys.executable, "-m", module, "--parent", str(os.getpid()), "--owns-mesh", *arguments]
         # In this process's own group: a terminal is read by the group in front alone
         self._process = subprocess.Popen(command)

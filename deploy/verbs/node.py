@@ -11,12 +11,12 @@ from typing import Any
 from common.config import load_config
 from common.errors import StartError
 from common.process import argument_parser
-from deploy.local.process_table import BY_NAME
+from deploy.local.process_table import PROCESSES
 
 
 def add_verbs(verbs: Any) -> None:
     node = verbs.add_parser("node", help="one process of the mesh")
-    node.add_argument("name", metavar="NAME", help=", ".join(BY_NAME))
+    node.add_argument("name", metavar="NAME", help=", ".join(PROCESSES))
     # Whatever follows NAME belongs to the process, --help as well
     node.add_argument("arguments", nargs=argparse.REMAINDER, help="--config FILE, --log-dir DIR and the process's own")
     node.set_defaults(run=_node)
@@ -32,16 +32,16 @@ def _command_center(arguments: argparse.Namespace) -> int:
     # A mistake in the file is one sentence before the screen is taken
     load_config(arguments.config)
     words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
-    os.execv(sys.executable, [sys.executable, "-m", BY_NAME["command_center"].module, *words])
+    os.execv(sys.executable, [sys.executable, "-m", PROCESSES["command_center"], *words])
 
 
 def _node(arguments: argparse.Namespace) -> int:
-    spec = BY_NAME.get(arguments.name)
-    if spec is None:
-        raise StartError(f"There is no process {arguments.name}; choose one of {', '.join(BY_NAME)}.")
-    if spec.name == "bridge":
+    package = PROCESSES.get(arguments.name)
+    if package is None:
+        raise StartError(f"There is no process {arguments.name}; choose one of {', '.join(PROCESSES)}.")
+    if arguments.name == "bridge":
         _check_serial_port(arguments.arguments)
-    os.execv(sys.executable, [sys.executable, "-m", spec.module, *arguments.arguments])
+    os.execv(sys.executable, [sys.executable, "-m", package, *arguments.arguments])
 
 
 def _check_serial_port(arguments: list[str]) -> None:

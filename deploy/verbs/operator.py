@@ -1,32 +1,29 @@
 """Verbs of the operator: `estop` and `release`, `start`, `pause`, `resume`, `home`, `goto ROOM_OR_X,Y`.
 
-The rules of the stop and of the commands are the Command Center's; here is one demand, repeated until it is confirmed.
+The rules of the stop and of the commands are those of the Command Center.
 """
 
 from __future__ import annotations
 
 import argparse
-import secrets
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from common.clock import FreeClock
 from common.config import load_config
 from common.errors import StartError
-from common.messages import CARRIER, OPERATION, PERMIT, PLAN, POI, STOP, Operation, OperatorCommand
+from common.messages import CARRIER, PERMIT, PLAN, POI, Operation
 from common.zenoh_bus import ZenohBus
 from offboard.command_center import operations, software_stop
-from offboard.command_center.operations import Answer, PendingOperation
+from offboard.command_center.operations import Answer
+from offboard.command_center.operator_client import operate, press_stop, request_release, wait_until
 from offboard.command_center.places import UnknownPlace, coordinates, find_place, findings_of_run, run_folder_of
 from offboard.command_center.snapshot import Finding
 from offboard.command_center.software_stop import Demand, StopControl
 
-CONFIRM_TIMEOUT_S = 5.0
 LINK_TIMEOUT_S = 2.0
-_POLL_S = 0.01
 
 
 def add_verbs(verbs: Any) -> None:
@@ -53,55 +50,6 @@ def _join(arguments: argparse.Namespace) -> ZenohBus:
     return ZenohBus("command_center", load_config(arguments.config), FreeClock(), "client")
 
 
-def _wait(condition: Callable[[], bool], timeout_s: float) -> bool:
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > deadline_s:
-            return False
-        time.sleep(_POLL_S)
-    return True
-
-
-def sent_until_confirmed(bus: ZenohBus, control: StopControl) -> StopControl:
-    """Sends what is demanded until the robot confirms or CONFIRM_TIMEOUT_S are over; returns what is left."""
-    next_s = 0.0
-
-    def over() -> bool:
-        nonlocal control, next_s
-        now_s = time.monotonic()
-        control = software_stop.heard(control, software_stop.robot_report(bus, now_s), now_s)
-        request = software_stop.request(control, now_s)
-        if request is not None and now_s >= next_s:
-            next_s = now_s + software_stop.REPEAT_S
-            bus.publish(STOP, request)
-        return control.demand is Demand.NONE
-
-    _wait(over, CONFIRM_TIMEOUT_S)
-    return control
-
-
-def press_stop(bus: ZenohBus) -> tuple[StopControl, int]:
-    """One press, sent until it is confirmed: what is left, and the number of the press."""
-    pressed = software_stop.pressed(StopControl(), time.monotonic(), software_stop.new_stop_id(secrets.randbits))
-    return sent_until_confirmed(bus, pressed), pressed.stop_id
-
-
-def ask_release(bus: ZenohBus) -> StopControl:
-    """The release of the stop that the robot reports now, sent until it is confirmed; what is left."""
-    now_s = time.monotonic()
-    report = software_stop.robot_report(bus, now_s)
-    return sent_until_confirmed(bus, software_stop.release_asked(StopControl(), report, now_s))
-
-
-def operate(bus: ZenohBus, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> Answer:
-    """One command of the operator, sent until it is taken."""
-    permit = bus.latest(PERMIT)
-    epoch = permit.stop_epoch if permit is not None else 0
-    command_id = operations.new_command_id(secrets.randbits)
-    command = OperatorCommand(time.monotonic(), operation, x_m, y_m, command_id=command_id, epoch=epoch)
-    return _repeated_until_taken(bus, PendingOperation(command, time.monotonic()))
-
-
 def _estop(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
@@ -123,20 +71,20 @@ def _release(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
         # The permit says what is latched, the Carrier whether the button is pressed
-        _wait(lambda: bus.latest(PERMIT) is not None and bus.latest(CARRIER) is not None, LINK_TIMEOUT_S)
+        wait_until(lambda: bus.latest(PERMIT) is not None and bus.latest(CARRIER) is not None, LINK_TIMEOUT_S)
         if bus.latest(PERMIT) is None:
             print("The robot is not heard, so nothing was released.", file=sys.stderr)
             return 1
         now_s = time.monotonic()
         report = software_stop.robot_report(bus, now_s)
-        if report.stop_epoch and not report.stop_sources:
+        if report.permit.stop_epoch and not report.permit.stop_sources:
             print("No stop is latched; `resume` lets a robot that waits go on.")
             return 0
         hindrance = software_stop.release_hindrance(StopControl(), report, now_s)
         if hindrance:
             print(hindrance, file=sys.stderr)
             return 1
-        control = ask_release(bus)
+        control = request_release(bus)
         if control.demand is Demand.RELEASE or control.release_failed:
             print("The robot did not confirm the release.", file=sys.stderr)
             return 1
@@ -153,7 +101,7 @@ def _operation(arguments: argparse.Namespace) -> int:
     try:
         operation = Operation(arguments.verb)
         x_m, y_m = _place(bus, arguments) if operation is Operation.GOTO else (0.0, 0.0)
-        _wait(lambda: bus.latest(PERMIT) is not None, LINK_TIMEOUT_S)
+        wait_until(lambda: bus.latest(PERMIT) is not None, LINK_TIMEOUT_S)
         permit = bus.latest(PERMIT)
         hindrance = operations.hindrance(operation, permit)
         if hindrance:
@@ -165,19 +113,6 @@ def _operation(arguments: argparse.Namespace) -> int:
         return 0 if answer is Answer.TAKEN else 1
     finally:
         bus.close()
-
-
-def _repeated_until_taken(bus: ZenohBus, pending: PendingOperation) -> Answer:
-    """Sends the command until the planner has taken it, or nobody has answered for long."""
-    answer, next_s = Answer.WAITING, 0.0
-    while answer is Answer.WAITING:
-        now_s = time.monotonic()
-        if now_s >= next_s:
-            next_s = now_s + operations.REPEAT_S
-            bus.publish(OPERATION, pending.command)
-        time.sleep(_POLL_S)
-        answer = pending.answer(bus.latest(PLAN), bus.latest(PERMIT), time.monotonic())
-    return answer
 
 
 def _check_place(text: str) -> None:

@@ -33,7 +33,6 @@ from common.messages import (
     TRAJECTORY,
     LogLine,
     Operation,
-    OperatorCommand,
     PlannerView,
     PoseEstimate,
     Topic,
@@ -52,8 +51,6 @@ from offboard.runs.map_assembly import MapAssembly
 LOG_WAITING_MAX = 5000  # entries kept for a screen that is slow to fetch them
 TRAIL_STEP_M = 0.2
 TRAIL_MAX = 20_000
-# The specification's eight along the way of the data, with the two processes that it does not know beside their kin
-SHOWN_MODULES = ("sim", "car", "bridge", "mmu", "planner", "poi", "comm", "recorder", "visualizer", "command_center")
 # The clock is no message of the robot; log lines are in the log anyway
 MESSAGE_TOPICS = tuple(t for t in TOPICS if t.producer != "clock" and t.payload is not LogLine)
 _OWN_TOPICS = frozenset({MAP.key, TRAJECTORY.key, POSE.key, POI.key, *(topic.key for topic in STATUS.values())})
@@ -77,7 +74,7 @@ class CommandCenter:
         self._lock = threading.Lock()  # all that `step` collects and the screen reads
         self._snapshot = Snapshot(clock())
         self._status = StatusReporter(self.name)
-        self._rates = {module: RateMeter() for module in SHOWN_MODULES}
+        self._rates = {module: RateMeter() for module in STATUS}
         self._logs: deque[LogEntry] = deque()
         self._dropped = 0
         self._told_topics: frozenset[str] = frozenset()
@@ -93,7 +90,7 @@ class CommandCenter:
 
     def step(self, bus: Bus, now_s: float) -> None:
         report = robot_report(bus, now_s)
-        control = self.stop_desk.hear(report, now_s)
+        control = self.stop_desk.receive(report, now_s)
         with self._lock:
             self._take_logs(bus, now_s)
             for update in self._take(bus, MAP, now_s):
@@ -107,7 +104,7 @@ class CommandCenter:
             self._operate(bus, now_s)
             self._snapshot = Snapshot(
                 now_s,
-                rows=tuple(self._row(bus, module, now_s) for module in SHOWN_MODULES),
+                rows=tuple(self._row(bus, module, now_s) for module in STATUS),
                 control=control,
                 report=report,
                 permit=bus.latest(PERMIT),
@@ -157,15 +154,13 @@ class CommandCenter:
             self._joined_topics |= topics
 
     def operate(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
-        """Ask the Planner for something; a newer wish replaces one that is not taken yet."""
+        """Sends a command to the Planner; a newer one replaces one that is not taken yet."""
         now_s = self._clock()
         with self._lock:
-            permit = self._snapshot.permit
-            epoch = permit.stop_epoch if permit is not None else 0
-            command_id = operations.new_command_id(secrets.randbits)
-            command = OperatorCommand(now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch)
             serial = self._result.serial + 1 if self._result is not None else 1
-            self._pending, self._pending_due_s = PendingOperation(command, now_s), now_s
+            permit, draw = self._snapshot.permit, secrets.randbits
+            self._pending = operations.new_operation(operation, permit, now_s, draw, x_m, y_m)
+            self._pending_due_s = now_s
             self._result = OperationResult(serial, operation.value, Answer.WAITING, "")
         _log.info("operation=%s x_m=%.2f y_m=%.2f", operation.value, x_m, y_m)
 

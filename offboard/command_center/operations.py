@@ -1,4 +1,4 @@
-"""What the operator asks of the mission, repeated until the Planner says that it took it. Pure.
+"""Commands of the operator to the mission, repeated until the Planner acknowledges them. Pure.
 
 For the Command Center and the verbs `start`, `pause`, `resume`, `home`, `goto`: `OPERATION` out every REPEAT_S, the
 acknowledgement back as `PlannerView.command_id`. A resume names the stop after which the robot may go on; it is taken
@@ -46,9 +46,20 @@ def _resumed(command: OperatorCommand, permit: Permit | None) -> bool:
     return permit is not None and permit.resumed and permit.stop_epoch == command.epoch
 
 
-def new_command_id(random_bits: Callable[[int], int]) -> int:
-    """Drawn at random, so that several senders do not meet; 0 is none."""
-    return random_bits(_COMMAND_ID_BITS) or 1
+def new_operation(
+    operation: Operation,
+    permit: Permit | None,
+    now_s: float,
+    random_bits: Callable[[int], int],
+    x_m: float = 0.0,
+    y_m: float = 0.0,
+) -> PendingOperation:
+    """A command with an id of its own, drawn at random so that several senders do not meet; 0 would be none.
+
+    It carries the stop epoch of the newest permit: a resume counts for the stop that the person saw, and for no later.
+    """
+    command_id, epoch = random_bits(_COMMAND_ID_BITS) or 1, permit.stop_epoch if permit is not None else 0
+    return PendingOperation(OperatorCommand(now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch), now_s)
 
 
 def hindrance(operation: Operation, permit: Permit | None) -> str:

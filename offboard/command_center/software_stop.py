@@ -13,7 +13,7 @@ from enum import Enum
 from math import inf
 
 from common.bus import Bus
-from common.messages import CARRIER, ODOMETRY, PERMIT, StopRequest
+from common.messages import CARRIER, ODOMETRY, PERMIT, Permit, StopRequest
 
 SOURCE = "operator"
 REPEAT_S = 0.02  # the first word of a program that has just joined may get lost
@@ -21,6 +21,7 @@ LINK_LOST_S = 1.0
 RELEASE_TIMEOUT_S = 5.0
 STANDING_M_S = 0.01
 _STOP_ID_BITS = 62
+NO_PERMIT = Permit(0.0, False, "")  # before the first one came: its stop epoch is not known
 
 
 class Demand(Enum):
@@ -44,14 +45,11 @@ class Look(Enum):
 class RobotReport:
     """What the robot said last about its stop and its wheels, and when that arrived here."""
 
-    stop_sources: tuple[str, ...] = ()
+    permit: Permit = NO_PERMIT
     permit_s: float = -inf
     standing: bool = False
     speed_m_s: float = 0.0
     odometry_s: float = -inf
-    stop_epoch: int = 0  # of comm; 0: it was just started and does not know yet
-    stop_ids: tuple[int, ...] = ()
-    resumed: bool = True
     board_epoch: int = 0  # the newest stop that the board knows
     board_stands: bool = False  # its motors are off and its wheels at rest, said with that epoch
     button_pressed: bool = False
@@ -83,16 +81,8 @@ def new_stop_id(random_bits: Callable[[int], int]) -> int:
 
 def robot_report(bus: Bus, now_s: float) -> RobotReport:
     """The report as the newest messages give it."""
-    permit, odometry, carrier = bus.latest(PERMIT), bus.latest(ODOMETRY), bus.latest(CARRIER)
-    report = RobotReport(permit_s=now_s - bus.age_s(PERMIT), odometry_s=now_s - bus.age_s(ODOMETRY))
-    if permit is not None:
-        report = replace(
-            report,
-            stop_sources=permit.stop_sources,
-            stop_epoch=permit.stop_epoch,
-            stop_ids=permit.stop_ids,
-            resumed=permit.resumed,
-        )
+    permit, odometry, carrier = bus.latest(PERMIT) or NO_PERMIT, bus.latest(ODOMETRY), bus.latest(CARRIER)
+    report = RobotReport(permit, now_s - bus.age_s(PERMIT), odometry_s=now_s - bus.age_s(ODOMETRY))
     if odometry is not None:
         report = replace(report, standing=odometry.standing, speed_m_s=odometry.speed_m_s)
     if carrier is not None:
@@ -105,7 +95,7 @@ def robot_report(bus: Bus, now_s: float) -> RobotReport:
 
 def confirmed(report: RobotReport, control: StopControl) -> bool:
     """comm has latched this very press, the board knows that stop, and the wheels are at rest since."""
-    latched = control.stop_id in report.stop_ids and 0 < report.stop_epoch <= report.board_epoch
+    latched = control.stop_id in report.permit.stop_ids and 0 < report.permit.stop_epoch <= report.board_epoch
     return latched and report.board_stands and report.standing and report.odometry_s > control.since_s
 
 
@@ -120,33 +110,33 @@ def release_hindrance(control: StopControl, report: RobotReport, now_s: float) -
         return "The robot is not heard: wait until the link is back."
     if control.demand is Demand.STOP:
         return "The stop is not confirmed yet: wait until it is."
-    if report.stop_epoch == 0:
+    if report.permit.stop_epoch == 0:
         return "The Arduino has not said yet which stop it knows: check bridge and USB cable, then try again."
-    if not report.stop_sources:
+    if not report.permit.stop_sources:
         return "No stop is latched."
     if report.button_pressed:
         return "The button on the robot is pressed: let it out first."
     return ""
 
 
-def release_asked(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
+def release_requested(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
     """Somebody wants the stop that is seen released; nothing changes where that must not be."""
     if control.demand is Demand.RELEASE or release_hindrance(control, report, now_s):
         return control
-    return StopControl(Demand.RELEASE, now_s, epoch=report.stop_epoch)
+    return StopControl(Demand.RELEASE, now_s, epoch=report.permit.stop_epoch)
 
 
-def heard(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
+def updated(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
     """The demand in the light of the robot's newest words."""
     if control.demand is Demand.STOP and confirmed(report, control):
         return StopControl(latency_s=max(report.permit_s, report.odometry_s) - control.since_s)
     if control.demand is Demand.RELEASE:
-        if report.stop_epoch == control.epoch and not report.stop_sources:
+        if report.permit.stop_epoch == control.epoch and not report.permit.stop_sources:
             return StopControl()
-        if report.stop_epoch > control.epoch or now_s - control.since_s > RELEASE_TIMEOUT_S:
+        if report.permit.stop_epoch > control.epoch or now_s - control.since_s > RELEASE_TIMEOUT_S:
             return StopControl(release_failed=True)
     if control.demand is Demand.NONE and control.latency_s is not None:
-        gone = report.linked(now_s) and report.stop_epoch > 0 and not report.stop_sources
+        gone = report.linked(now_s) and report.permit.stop_epoch > 0 and not report.permit.stop_sources
         return replace(control, latency_s=None) if gone else control
     return control
 
@@ -165,8 +155,8 @@ def look(control: StopControl, report: RobotReport, now_s: float) -> Look:
         return Look.LINK_LOST
     if control.demand is Demand.STOP:
         return Look.SENT
-    if report.stop_sources:
+    if report.permit.stop_sources:
         return Look.LATCHED
-    if report.stop_epoch == 0:
+    if report.permit.stop_epoch == 0:
         return Look.UNKNOWN
-    return Look.IDLE if report.resumed else Look.RELEASED
+    return Look.IDLE if report.permit.resumed else Look.RELEASED

@@ -17,12 +17,12 @@ from offboard.command_center.software_stop import (
     Demand,
     RobotReport,
     StopControl,
-    heard,
     new_stop_id,
     pressed,
-    release_asked,
     release_hindrance,
+    release_requested,
     request,
+    updated,
 )
 
 _log = logging.getLogger("command_center")
@@ -60,18 +60,18 @@ class StopDesk:
     def release(self) -> None:
         with self._lock:
             before = self._control
-            self._control = release_asked(before, self._report, self._clock())
+            self._control = release_requested(before, self._report, self._clock())
             new = self._control is not before
         if new:
             self.changed.set()
             _log.warning("release of the software stop asked")
 
-    def hear(self, report: RobotReport, now_s: float) -> StopControl:
+    def receive(self, report: RobotReport, now_s: float) -> StopControl:
         """The robot's newest words; returns the demand in their light."""
         with self._lock:
             self._report = report
             before = self._control
-            self._control = control = heard(before, report, now_s)
+            self._control = control = updated(before, report, now_s)
         if before.demand is Demand.STOP and control.demand is Demand.NONE and control.latency_s is not None:
             _log.warning("software stop confirmed latency_ms=%d", round(1000 * control.latency_s))
         elif before.demand is Demand.RELEASE and control.demand is Demand.NONE:

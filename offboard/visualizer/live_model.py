@@ -20,7 +20,6 @@ from common.geometry import FloatArray, Points
 from common.messages import (
     GRID,
     MAP,
-    ON_ROBOT,
     PERMIT,
     PLAN,
     POI,
@@ -36,6 +35,7 @@ from common.messages import (
     Topic,
     Trajectory,
 )
+from common.modules import ON_ROBOT
 from offboard.export.map_frame import frame
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor

@@ -16,25 +16,12 @@ from typing import Any
 import numpy as np
 
 from common.errors import ERRORS, ErrorInfo
-from common.messages import MODULES, STATUS
+from common.modules import MODULES, SPECIFIED
 from offboard.export.formats import EXPORTS
 from offboard.visualizer.live_model import LiveModel, Token
 
 Frame = str | bytes
 Seen = dict[str, Token]  # per client: what it has of every channel
-
-MODULE_TITLES: dict[str, str] = {
-    "sim": "Sensors",
-    "car": "Carrier",
-    "bridge": "Serial bridge",
-    "mmu": "Mapping unit",
-    "planner": "Planner",
-    "poi": "Door camera",
-    "comm": "Communication",
-    "recorder": "Recorder",
-    "visualizer": "This page",
-    "command_center": "Command center",
-}
 
 _ERRORS = {int(code): info for code, info in ERRORS.items()}
 _UNKNOWN_ERROR = ErrorInfo("an error that this version does not know", "update this laptop")
@@ -80,10 +67,11 @@ def heartbeat(model: LiveModel, now_s: float, skipped: int) -> Frame:
 
 def _modules(model: LiveModel, now_s: float) -> Iterator[dict[str, Any]]:
     """The specification's eight, and whoever else reports."""
-    wanted = set(MODULES.values()) | set(model.statuses)
-    for name in (name for name in STATUS if name in wanted):
-        status = model.statuses.get(name)
-        module: dict[str, Any] = {"name": name, "title": MODULE_TITLES[name], "age_s": model.age_s(name, now_s)}
+    for shown in MODULES:
+        name, status = shown.name, model.statuses.get(shown.name)
+        if shown not in SPECIFIED and status is None:
+            continue
+        module: dict[str, Any] = {"name": name, "title": shown.title, "age_s": model.age_s(name, now_s)}
         if status is not None:
             error = _ERRORS.get(status.error_code, _UNKNOWN_ERROR)
             module |= {

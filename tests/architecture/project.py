@@ -15,6 +15,13 @@ NOT_OURS = {".git", ".venv", "build", "node_modules", "__pycache__"}
 RECORDED = "runs"  # at the top
 
 
+def _imported(node: ast.AST) -> Iterator[tuple[str, int]]:
+    if isinstance(node, ast.Import):
+        yield from ((alias.name, node.lineno) for alias in node.names)
+    elif isinstance(node, ast.ImportFrom) and node.level == 0:
+        yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+
+
 @dataclass(frozen=True)
 class Module:
     """A Python file of the packages."""
@@ -25,10 +32,18 @@ class Module:
     def imports(self) -> Iterator[tuple[str, int]]:
         """Every imported name, dotted and whole, with its line; also those inside functions."""
         for node in ast.walk(self.tree):
-            if isinstance(node, ast.Import):
-                yield from ((alias.name, node.lineno) for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+            yield from _imported(node)
+
+    def imports_at_run_time(self) -> Iterator[str]:
+        """Every imported name but those under `if TYPE_CHECKING`; also those inside functions."""
+        typing_only = {
+            inner
+            for node in ast.walk(self.tree)
+            if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+            for statement in node.body
+            for inner in ast.walk(statement)
+        }
+        yield from (name for node in ast.walk(self.tree) if node not in typing_only for name, _ in _imported(node))
 
     def relative_imports(self) -> Iterator[int]:
         for node in ast.walk(self.tree):

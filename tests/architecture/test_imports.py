@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import graphlib
 from collections.abc import Callable
 
 import pytest
@@ -42,6 +43,10 @@ def test_onboard_never_imports_offboard() -> None:
     assert offences(inside("onboard"), "offboard", "deploy", "tests") == []
 
 
+def test_offboard_never_imports_deploy() -> None:
+    assert offences(inside("offboard"), "deploy") == []
+
+
 def test_no_production_module_imports_the_simulator() -> None:
     assert offences(not_in("offboard/simulator", "deploy"), "offboard.simulator") == []
 
@@ -80,6 +85,7 @@ def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ..
 ROOMS = {
     "onboard/mmu": (".", "back_end", "front_end", "map", "on_demand"),
     "onboard/planner": (".", "mission", "driving", "exploration", "routing", "grid"),
+    "deploy": (".", "verbs", "bench", "service", "local", "boards"),
     "offboard": (
         *(".", "simulator", "command_center", "visualizer", "recorder"),
         *("replay", "evaluate", "export", "runs"),
@@ -107,10 +113,30 @@ def test_rooms_import_one_way(folder: str) -> None:
     assert upward == []
 
 
+@pytest.mark.parametrize("module", ["bridge", "comm", "mmu", "planner", "poi"])
+def test_no_module_of_the_robot_reaches_into_another(module: str) -> None:
+    others = {"bridge", "comm", "mmu", "planner", "poi"} - {module}
+    assert offences(inside(f"onboard/{module}"), *(f"onboard.{other}" for other in others)) == []
+
+
 @pytest.mark.parametrize("program", ["command_center", "visualizer", "recorder"])
 def test_no_program_of_the_laptop_reaches_into_another(program: str) -> None:
     others = {"command_center", "visualizer", "recorder"} - {program}
     assert offences(inside(f"offboard/{program}"), *(f"offboard.{other}" for other in others)) == []
+
+
+def test_no_module_imports_itself_in_a_circle() -> None:
+    """At run time: imports inside functions count, those for the type checker alone do not."""
+    files = {module.path.removesuffix(".py").replace("/", "."): module for module in MODULES}
+    graph = {
+        name: {home for imported in module.imports_at_run_time() for home in (imported, imported.rpartition(".")[0])}
+        & set(files)
+        for name, module in files.items()
+    }
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        pytest.fail(f"a circle of imports: {' <- '.join(error.args[1])}")
 
 
 def test_imports_are_absolute() -> None:

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from common.messages import STATUS, Operation, Permit
-from deploy.local.process_table import BY_NAME
+from deploy.local.process_table import PROCESSES
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Demand, Look
 from offboard.simulator.options import FLOORS
@@ -23,7 +23,7 @@ class Robot(Mesh):
         self.motors = MotorLog(folder / MOTORS_NAME)
         for name in ("comm", "mmu"):
             self.run(name)
-        self.start("simulator", "-m", BY_NAME["simulator"].module, extra=("--floor", str(FLOORS / "loop.json")))
+        self.start("simulator", "-m", PROCESSES["simulator"], extra=("--floor", str(FLOORS / "loop.json")))
         until((folder / "serial").exists, 30.0, "the serial port")
         self.run("bridge")
         self.center = Center(self.config)
@@ -31,7 +31,7 @@ class Robot(Mesh):
         self.bus.latest(STATUS["bridge"])
 
     def run(self, name: str) -> None:
-        self.start(name, "-m", BY_NAME[name].module)
+        self.start(name, "-m", PROCESSES[name])
 
     def kill(self, *names: str) -> float:
         """All at once; returns when."""

@@ -21,7 +21,7 @@ import pytest
 
 from common.config import PoiSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, POSE, STATUS, Operation, OperatorCommand
-from deploy.local.process_table import BY_NAME
+from deploy.local.process_table import PROCESSES
 from offboard.simulator.options import FLOORS
 from tests.system.conftest import Mesh, free_port, until
 from tests.system.footprint import Footprints
@@ -47,9 +47,9 @@ def whole_mesh(mesh: Mesh) -> Iterator[Mesh]:
         world = ("--floor", str(FLOORS / f"{FLOOR}.json"), "--camera", "realistic", "--frames", str(socket))
         own = {"simulator": (*world, "--speed", str(SPEED)), "recorder": run_dir, "visualizer": run_dir}
         for name in ("simulator", "comm", "mmu", "planner", "poi", "recorder", "visualizer"):
-            mesh.start(name, "-m", BY_NAME[name].module, extra=(*SHARED, *own.get(name, ())))
+            mesh.start(name, "-m", PROCESSES[name], extra=(*SHARED, *own.get(name, ())))
         until((mesh.folder / "serial").exists, 60.0, "the serial port")
-        mesh.start("bridge", "-m", BY_NAME["bridge"].module, extra=SHARED)
+        mesh.start("bridge", "-m", PROCESSES["bridge"], extra=SHARED)
         until(lambda: mesh.granted, 90.0, "the permit")
         mesh.bus.latest(PLAN)
 

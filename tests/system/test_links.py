@@ -17,7 +17,7 @@ import pytest
 
 from common.config import CommSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, STATUS, Operation, OperatorCommand
-from deploy.local.process_table import BY_NAME
+from deploy.local.process_table import PROCESSES
 from offboard.simulator.options import FLOORS
 from offboard.simulator.process import MOTORS_NAME
 from tests.system.center import Center
@@ -133,11 +133,11 @@ def test_the_raspberry_pi_cut_off_stuck_frozen_or_killed_stops_the_robot_which_s
     mesh.config = with_camera(mesh.config)
     mesh.config_file.write_text(config_text(mesh.config), encoding="utf-8")
     for name in ("comm", "mmu", "planner"):
-        mesh.start(name, "-m", BY_NAME[name].module)
+        mesh.start(name, "-m", PROCESSES[name])
     mesh.start("poi", inside=radio.enter)
-    mesh.start("simulator", "-m", BY_NAME["simulator"].module, extra=("--floor", str(FLOORS / "loop.json")))
+    mesh.start("simulator", "-m", PROCESSES["simulator"], extra=("--floor", str(FLOORS / "loop.json")))
     until((mesh.folder / "serial").exists, 30.0, "the serial port")
-    mesh.start("bridge", "-m", BY_NAME["bridge"].module)
+    mesh.start("bridge", "-m", PROCESSES["bridge"])
     mesh.bus.latest(PLAN)
     center = Center(mesh.config)
     try:

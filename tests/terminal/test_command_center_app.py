@@ -11,7 +11,8 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from common.errors import ERRORS, ErrorCode
-from common.messages import MODULES, PERMIT, POI, Operation, PointOfInterest
+from common.messages import PERMIT, POI, Operation, PointOfInterest
+from common.modules import MODULES
 from offboard.command_center.actions import KEEP_MESH
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.screens.guarded import Guarded
@@ -49,7 +50,7 @@ async def test_a_row_per_module_shows_state_error_with_meaning_and_action_memory
     app = rig.app(tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(rig, app, pilot, 3.0)
-        assert {*MODULES.values(), "bridge", "recorder"} == {row.module for row in rig.node.snapshot().rows}
+        assert {module.name for module in MODULES} == {row.module for row in rig.node.snapshot().rows}
         assert app.main.modules.row_count == 10
         assert cell(app, "sim", "state") == "RUN"
         assert cell(app, "sim", "memory") == "50 MB"

@@ -17,7 +17,6 @@ from common.errors import ErrorCode
 from common.messages import (
     GRID,
     MAP,
-    MODULES,
     PERMIT,
     PLAN,
     POI,
@@ -33,6 +32,7 @@ from common.messages import (
     Status,
     Trajectory,
 )
+from common.modules import SPECIFIED
 from offboard.runs import run_folder
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import PHOTO_BYTES_MAX, LiveModel
@@ -164,7 +164,7 @@ def test_every_module_is_named_with_its_error_in_words(watched: Watched) -> None
     watched.feed.take(STATUS["mmu"], Status(0.0, "WAITING", int(ErrorCode.NO_ODOMETRY), 7, False, 1))
     watched.feed.take(STATUS["planner"], Status(0.0, "X", 4711, 7, True, 1))
     modules = {module["name"]: module for module in watched.heartbeat()["modules"]}
-    assert set(modules) == set(MODULES.values())
+    assert set(modules) == {module.name for module in SPECIFIED}
     assert modules["mmu"]["meaning"] == "no odometry arrives"
     assert modules["planner"]["meaning"].startswith("an error that this version")
     assert "state" not in modules["poi"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from typing import ClassVar
 
 from textual import on
@@ -13,7 +14,7 @@ from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Footer, Input
 
-from offboard.command_center.command_center import SHOWN_MODULES
+from common.messages import STATUS
 from offboard.command_center.log_book import LEVELS, LogBook, LogEntry, LogFilter
 from offboard.command_center.screens.guarded import Guarded
 from offboard.command_center.snapshot import FloorPicture, Snapshot
@@ -90,8 +91,7 @@ class MainScreen(Guarded, Screen[None]):
         if now is None:
             wanted: str | None = self.modules.marked_module
         else:
-            index = SHOWN_MODULES.index(now) + 1
-            wanted = SHOWN_MODULES[index] if index < len(SHOWN_MODULES) else None
+            wanted = dict(pairwise(STATUS)).get(now)
         self.set_filter(replace(self.filter, module=wanted))
 
     def set_topics(self, topics: frozenset[str]) -> None:

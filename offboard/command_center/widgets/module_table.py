@@ -5,8 +5,7 @@ from __future__ import annotations
 from rich.text import Text
 from textual.widgets import DataTable
 
-from common.messages import MODULES
-from offboard.command_center.command_center import SHOWN_MODULES
+from common.modules import MODULES, SPECIFIED
 from offboard.command_center.module_watch import Freshness, ModuleRow
 from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.titles import title
@@ -21,7 +20,7 @@ COLUMNS = (
     ("rate", "rate", 5),
     ("error", "error → what to do", 100),
 )
-_TITLES = {module: code for code, module in MODULES.items()}
+_CODES = {module.name: module.code for module in SPECIFIED}
 _DIM, _BAD, _GOOD = "#6e7681", "bold #ff7b72", "#7ee787"
 _UNIT = 1024
 
@@ -42,7 +41,7 @@ def cells(row: ModuleRow) -> tuple[Text, ...]:
     status, fresh = row.status, row.freshness
     old = _DIM if fresh is not Freshness.LIVE else ""
     name = Text(row.module.replace("_", " "), style=old or "bold")
-    code = Text(_TITLES.get(row.module, ""), style=_DIM)
+    code = Text(_CODES.get(row.module, ""), style=_DIM)
     if status is None:
         return name, code, Text("–", _DIM), Text("never heard", _DIM), Text("–", _DIM), Text("–", _DIM), Text("")
     state = Text(status.state, style=old or ("" if status.ready else "#e3b341"))
@@ -84,13 +83,13 @@ class ModuleTable(DataTable[Text]):
     def on_mount(self) -> None:
         for key, heading, width in COLUMNS:
             self.add_column(heading, key=key, width=width)
-        for module in SHOWN_MODULES:
+        for module in MODULES:
             row = tuple(Text("") for _ in COLUMNS)
-            self.add_row(*row, key=module)
+            self.add_row(*row, key=module.name)
 
     @property
     def marked_module(self) -> str:
-        return SHOWN_MODULES[self.cursor_row]
+        return MODULES[self.cursor_row].name
 
     def show(self, snapshot: Snapshot) -> None:
         for row in snapshot.rows:

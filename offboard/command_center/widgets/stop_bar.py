@@ -55,7 +55,7 @@ def bar_text(snapshot: Snapshot) -> BarText:
 
 def _latched(snapshot: Snapshot) -> BarText:
     control, report = snapshot.control, snapshot.report
-    held_by = f"held by {', '.join(report.stop_sources)}"
+    held_by = f"held by {', '.join(report.permit.stop_sources)}"
     if control.demand is Demand.RELEASE:
         return BarText(Look.LATCHED, "LATCHED – release sent, not confirmed", held_by)
     if not report.wheels_known(snapshot.now_s):

@@ -1,0 +1,75 @@
+"""Commands of an operator without a screen: one demand, sent until the robot confirms it. For verbs and benchmarks."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable
+
+from common.bus import Bus
+from common.messages import OPERATION, PERMIT, PLAN, STOP, Operation
+from offboard.command_center import operations, software_stop
+from offboard.command_center.operations import Answer, PendingOperation
+from offboard.command_center.software_stop import Demand, StopControl
+
+CONFIRM_TIMEOUT_S = 5.0
+_POLL_S = 0.01
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline_s:
+            return False
+        time.sleep(_POLL_S)
+    return True
+
+
+def sent_until_confirmed(bus: Bus, control: StopControl) -> StopControl:
+    """Sends what is demanded until the robot confirms or CONFIRM_TIMEOUT_S are over; returns what is left."""
+    next_s = 0.0
+
+    def over() -> bool:
+        nonlocal control, next_s
+        now_s = time.monotonic()
+        control = software_stop.updated(control, software_stop.robot_report(bus, now_s), now_s)
+        request = software_stop.request(control, now_s)
+        if request is not None and now_s >= next_s:
+            next_s = now_s + software_stop.REPEAT_S
+            bus.publish(STOP, request)
+        return control.demand is Demand.NONE
+
+    wait_until(over, CONFIRM_TIMEOUT_S)
+    return control
+
+
+def press_stop(bus: Bus) -> tuple[StopControl, int]:
+    """One press, sent until it is confirmed: what is left, and the number of the press."""
+    pressed = software_stop.pressed(StopControl(), time.monotonic(), software_stop.new_stop_id(secrets.randbits))
+    return sent_until_confirmed(bus, pressed), pressed.stop_id
+
+
+def request_release(bus: Bus) -> StopControl:
+    """The release of the stop that the robot reports now, sent until it is confirmed; what is left."""
+    now_s = time.monotonic()
+    report = software_stop.robot_report(bus, now_s)
+    return sent_until_confirmed(bus, software_stop.release_requested(StopControl(), report, now_s))
+
+
+def operate(bus: Bus, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> Answer:
+    """One command of the operator, sent until it is taken."""
+    pending = operations.new_operation(operation, bus.latest(PERMIT), time.monotonic(), secrets.randbits, x_m, y_m)
+    return _repeated_until_taken(bus, pending)
+
+
+def _repeated_until_taken(bus: Bus, pending: PendingOperation) -> Answer:
+    """Sends the command until the planner has taken it, or nobody has answered for long."""
+    answer, next_s = Answer.WAITING, 0.0
+    while answer is Answer.WAITING:
+        now_s = time.monotonic()
+        if now_s >= next_s:
+            next_s = now_s + operations.REPEAT_S
+            bus.publish(OPERATION, pending.command)
+        time.sleep(_POLL_S)
+        answer = pending.answer(bus.latest(PLAN), bus.latest(PERMIT), time.monotonic())
+    return answer
