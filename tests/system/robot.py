@@ -91,12 +91,24 @@ class Robot(Mesh):
 
     def operate(self, operation: Operation) -> None:
         """Until it is taken."""
-        self.center.node.operate(operation)
-        until(self._taken, what=f"the answer to {operation.value}")
+        assert self.answer_to(operation) is Answer.TAKEN
 
-    def _taken(self) -> bool:
+    def answer_to(self, operation: Operation) -> Answer:
+        """What came back, or that nothing did."""
+        earlier = self._serial
+        self.center.node.operate(operation)
+        until(lambda: self._serial > earlier and self._answer is not Answer.WAITING, what=f"the answer to {operation}")
+        return self._answer
+
+    @property
+    def _serial(self) -> int:
         result = self.center.node.snapshot().operation
-        return result is not None and result.answer is Answer.TAKEN
+        return 0 if result is None else result.serial
+
+    @property
+    def _answer(self) -> Answer:
+        result = self.center.node.snapshot().operation
+        return Answer.WAITING if result is None else result.answer
 
     def go_on(self) -> None:
         """A robot that stands, by a release, which moves nothing, and a resume, which does."""

@@ -19,6 +19,7 @@ from common.clock import FREE_LEASE_S
 from common.config import CommSection, config_text
 from common.messages import DRIVE, STATUS, STOP, Operation, Speed, Status, StopRequest
 from deploy.bench.relay import Relay
+from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import SOURCE, Demand, Look
 from offboard.command_center.widgets.stop_bar import bar_text
 from onboard.comm.stop_owner import LOST_RECORD, RESTART
@@ -72,7 +73,8 @@ def test_a_release_moves_nothing_although_the_planner_was_frozen_since_before_th
     thawed_s = robot.signal("planner", signal.SIGCONT)
     assert robot.motors.stands(3.0)
     robot.await_sound(thawed_s)
-    for operation in (Operation.START, Operation.GOTO, Operation.HOME):
+    assert robot.answer_to(Operation.START) is Answer.REFUSED, "the mission is under way"
+    for operation in (Operation.GOTO, Operation.HOME):
         robot.operate(operation)
     assert robot.motors.stands()
     robot.drive()
