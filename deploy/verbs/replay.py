@@ -76,7 +76,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         )
     if not len(run.points):
         _say(
-            f"{arguments.log}: no wall was found. Frames are {log.step_m:.2f} m apart; a wall shows where four of them "
+            f"{arguments.log}: no wall was found. Scans are {log.step_m:.2f} m apart; a wall shows where four of them "
             "see it within 2 m of way, so record a frame every 0.2 m."
         )
     _report(log, run, arguments.out)

@@ -1,8 +1,9 @@
 """A run folder + the floor it ran on -> figures: how well the robot located itself, mapped, looked, drove and read.
 
-Two frames: `tied` at the first pose, as a robot on duty knows itself, and `fit`, the rigid motion that brings the
-trajectory best onto the truth, which takes out the heading error of the first minute. Map, coverage and points of
-interest are judged in `fit`. Reads trajectory.tum, truth.tum, map_points.csv and pois.json.
+Two alignments with the truth: at the first pose, as a robot on duty knows itself (`ate_tied_m`, as the scoring scripts
+name it), and `fit`, the rigid motion that brings the trajectory best onto the truth, which takes out the heading error
+of the first minute. Map, coverage and points of interest are judged in `fit`. Reads trajectory.tum, truth.tum,
+map_points.csv and pois.json.
 """
 
 from __future__ import annotations
@@ -70,10 +71,10 @@ def _read_track(path: Path) -> _Track:
 def pose_figures(estimate: FloatArray, truth: FloatArray) -> tuple[Figures, Pose2]:
     """Errors of poses (K, 3) at the same times, and the motion into the frame `fit`."""
     fit = rigid_fit(estimate[:, :2], truth[:, :2])
-    tie = Pose2(*truth[0]).compose(Pose2(*estimate[0]).inverse())
+    map_at_start = Pose2(*truth[0]).compose(Pose2(*estimate[0]).inverse())
     error_m = _distances_m(fit.transform(estimate[:, :2]) - truth[:, :2])
-    tied_m = _distances_m(tie.transform(estimate[:, :2]) - truth[:, :2])
-    figures = {"ate_fit_m": _rms(error_m), "ate_tied_m": _rms(tied_m), "error_max_m": float(error_m.max())}
+    from_start_m = _distances_m(map_at_start.transform(estimate[:, :2]) - truth[:, :2])
+    figures = {"ate_fit_m": _rms(error_m), "ate_tied_m": _rms(from_start_m), "error_max_m": float(error_m.max())}
     return figures, fit
 
 

@@ -4,9 +4,9 @@ After Borenstein & Feng, "Measurement and correction of systematic odometry erro
 Trans. Robotics and Automation 12 (1996). Theirs is a closed form for a robot that steers by its encoders. This robot
 steers by its gyro, so here the three parameters are fitted to the recorded counts instead:
 
-1. Dead reckoning by encoders alone turns the counts of a run into the end point that they tell.
+1. Dead reckoning by encoders alone turns the counts of a run into the end point that they predict.
 2. Gauss-Newton over both tick lengths and the track brings these to the end points that were measured.
-Squares in both directions tell unequal wheels from a wrong track; a straight line gives the scale.
+Squares in both directions distinguish unequal wheels from a wrong track; a straight line gives the scale.
 Assumption: what slips does so by chance, so that it averages out over the runs.
 """
 
@@ -28,7 +28,7 @@ _NUDGE = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class WheelFit:
-    """What the runs tell of the wheels."""
+    """What the runs show of the wheels."""
 
     left_diameter_m: float
     right_diameter_m: float
@@ -51,8 +51,8 @@ def end_point(counts: Counts, left_tick_m: float, right_tick_m: float, track_m: 
     step = np.diff(ticks, axis=0) * (left_tick_m, right_tick_m)
     turn_rad = (step[:, 1] - step[:, 0]) / track_m
     heading_rad = np.concatenate([[0.0], np.cumsum(turn_rad)[:-1]]) + turn_rad / 2.0
-    way_m = step.mean(axis=1)
-    return np.array([(way_m * np.cos(heading_rad)).sum(), (way_m * np.sin(heading_rad)).sum()])
+    moved_m = step.mean(axis=1)
+    return np.array([(moved_m * np.cos(heading_rad)).sum(), (moved_m * np.sin(heading_rad)).sum()])
 
 
 def fit_wheels(runs: Sequence[tuple[Counts, tuple[float, float]]]) -> WheelFit:
@@ -66,15 +66,15 @@ def fit_wheels(runs: Sequence[tuple[Counts, tuple[float, float]]]) -> WheelFit:
     factors = np.ones(3)
     measured = np.concatenate([np.asarray(end_m, dtype=float) for _, end_m in runs])
 
-    def told(scale: FloatArray) -> FloatArray:
+    def predicted(scale: FloatArray) -> FloatArray:
         values: FloatArray = np.concatenate([end_point(counts, *(nominal * scale)) for counts, _ in runs])
         return values
 
     for _ in range(_ITERATIONS):
-        now = told(factors)
-        jacobian = np.stack([(told(factors + _NUDGE * unit) - now) / _NUDGE for unit in np.eye(3)], axis=1)
+        now = predicted(factors)
+        jacobian = np.stack([(predicted(factors + _NUDGE * unit) - now) / _NUDGE for unit in np.eye(3)], axis=1)
         factors = factors + np.linalg.lstsq(jacobian, measured - now, rcond=None)[0]
-    rest = measured - told(factors)
+    rest = measured - predicted(factors)
     left_m, right_m, track_m = (float(value) for value in nominal * factors)
     per_turn = ENCODER_TICKS_PER_TURN / pi
     return WheelFit(left_m * per_turn, right_m * per_turn, track_m, float(np.sqrt(np.mean(rest**2))))

@@ -1,6 +1,6 @@
 """The map as a picture: run folder -> SVG (1 cm on paper for 1 m in the building) and PNG.
 
-Both draw the same `Drawing`: wall points joined where neighbours are near, the robot's trail, its start, an asterisk
+Both draw the same `Drawing`: wall points strokes where neighbours are near, the robot's trail, its start, an asterisk
 and a number for each point of interest. The base point is the drawing's lower left corner, y up (VSL_MR_03, VSL_MR_04).
 """
 
@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
 from common.geometry import FloatArray, Points
-from offboard.export.map_frame import frame
+from offboard.export.drawing_bounds import drawing_bounds
 from offboard.runs.run_folder import MapData
 
 JOIN_M = 0.25  # wall points nearer than this are one wall
@@ -32,7 +32,7 @@ PIXELS_PER_M = 20.0
 IMAGE_SIDE_MAX_PX = 6000
 OVERSAMPLING = 2
 
-PAPER, GRID, FRAME = "#ffffff", "#eef1f4", "#9aa5b1"
+PAPER, GRID, BORDER = "#ffffff", "#eef1f4", "#9aa5b1"
 WALL, INFERRED, TRAIL, START, POI, TEXT = "#1f2933", "#9aa5b1", "#5b9bd5", "#2f855a", "#c53030", "#3e4c59"
 WALL_M, THIN_LINE_M, TRAIL_M, START_M, ASTERISK_M, TEXT_M = 0.11, 0.03, 0.06, 0.22, 0.24, 0.55
 
@@ -58,9 +58,9 @@ class Label:
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """What to draw, from the back to the front, inside a frame."""
+    """What to draw, from the back to the front, inside a border."""
 
-    x0_m: float  # the base point: lower left corner of the frame, in map coordinates
+    x0_m: float  # the base point: lower left corner of the border, in map coordinates
     y0_m: float
     width_m: float
     height_m: float
@@ -90,8 +90,8 @@ def join(points_m: Points) -> list[Points]:
     graph = coo_array((lengths_m, (pairs[:, 0], pairs[:, 1])), shape=(len(points_m), len(points_m)))
     forest = minimum_spanning_tree(graph.tocsr()).tocoo()
     alone = np.setdiff1d(np.arange(len(points_m)), np.concatenate([forest.row, forest.col]))
-    joined = [points_m[[a, b]] for a, b in zip(forest.row, forest.col, strict=True)]
-    return joined + [points_m[[k, k]] for k in alone]
+    strokes = [points_m[[a, b]] for a, b in zip(forest.row, forest.col, strict=True)]
+    return strokes + [points_m[[k, k]] for k in alone]
 
 
 def trail(trajectory: FloatArray) -> Points:
@@ -146,7 +146,7 @@ def _scale_bar(x0_m: float, y0_m: float) -> tuple[list[Line], list[Label]]:
 def draw(data: MapData) -> Drawing:
     """Everything that either picture shows."""
     pois_m = np.array([(poi["x_m"], poi["y_m"]) for poi in data.pois], np.float64).reshape(-1, 2)
-    x0_m, y0_m, width_m, height_m = frame((data.points_m, data.trajectory[:, :2], pois_m))
+    x0_m, y0_m, width_m, height_m = drawing_bounds((data.points_m, data.trajectory[:, :2], pois_m))
     x1_m, y1_m = x0_m + width_m, y0_m + height_m
     path = trail(data.trajectory)
     echoed = data.inferred == 0
@@ -162,8 +162,8 @@ def draw(data: MapData) -> Drawing:
         Line("walls", join(thin(data.points_m[echoed])), WALL, WALL_M),
         Line("start", _start_mark(data.trajectory) if len(path) else [], START, 0.0, filled=True),
         Line("pois", asterisks, POI, 0.09),
-        Line("frame", [border], FRAME, 0.06),
-        Line("base", [_circle(x0_m, y0_m, 0.25)], FRAME, 0.0, filled=True),
+        Line("border", [border], BORDER, 0.06),
+        Line("base", [_circle(x0_m, y0_m, 0.25)], BORDER, 0.0, filled=True),
         *bar_lines,
     ]
     labels = [*bar_labels, *(_poi_label(poi, path) for poi in data.pois)]

@@ -100,8 +100,8 @@ def image_of_run(run_dir: Path) -> OccupancyImage:
     ranges_s, ranges_m = np.empty(0), np.empty((0, len(SONAR_BEARINGS_RAD)))
     if (run_dir / DATABASE_NAME).exists():
         with RunReader(run_dir) as run:
-            frames = [m.payload for m in run.messages(RANGES) if m.payload.valid]
-        rows = [(frame.t_s, *frame.range_m) for frame in frames if len(frame.range_m) == len(SONAR_BEARINGS_RAD)]
+            readings = [m.payload for m in run.messages(RANGES) if m.payload.valid]
+        rows = [(r.t_s, *r.range_m) for r in readings if len(r.range_m) == len(SONAR_BEARINGS_RAD)]
         table = np.array(rows, dtype=np.float64).reshape(-1, 1 + len(SONAR_BEARINGS_RAD))
         ranges_s, ranges_m = table[:, 0], table[:, 1:]
     return occupancy_image(data.points_m, poses[:, :2], sightlines(times_s, poses, ranges_s, ranges_m))

@@ -36,7 +36,7 @@ class RunState:
     """The run after a piece of work."""
 
     finished: bool  # the database holds the Planner's message that the mission is finished
-    missing: int  # map points that were lost on the way
+    missing: int  # map points that were lost in transit
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +60,11 @@ class Written:
 class KeptRun:
     """One thread at a time. Raises OSError and sqlite3.Error where the disk refuses; then everything can be repeated.
 
-    `lost`: what became of a database that could not be gone on with. `heard`: as `RunDatabase.heard`, at the opening.
+    `lost`: what became of a database that could not be gone on with. `known`: the `newest_numbers` at the opening.
     """
 
-    def __init__(self, database: RunDatabase, files: RunFiles, copies: LiveCopies, heard: Known) -> None:
-        self.database, self.files, self.copies, self.heard = database, files, copies, heard
+    def __init__(self, database: RunDatabase, files: RunFiles, copies: LiveCopies, known: Known) -> None:
+        self.database, self.files, self.copies, self.known = database, files, copies, known
         self.lost = ""
         self._row = self._summary_row = 0  # the files hold the messages up to here, and a summary those up to there
 

@@ -1,7 +1,8 @@
-"""comm's own newest messages as the recorder hears them live. Pure.
+"""comm's own newest messages as the recorder receives them live. Pure.
 
-What the other modules say, they still have when comm is killed. What comm itself said in the moments before, and had
-not yet written into its outbox, would be gone: these copies are stored once the outbox shows that a new comm runs.
+What the other modules published, they still have when comm is killed. What comm itself published in the moments
+before, and had not yet written into its outbox, would be gone: these copies are stored once the outbox shows that a new
+comm runs.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from itertools import takewhile
 
 from common.recording import Known, RecordedMessage, remember
 
-COPIES_MAX = 2048  # per topic; more than comm says while its rows are on their way
+COPIES_MAX = 2048  # per topic; more than comm publishes while its rows are in transit
 
 
 class LiveCopies:
@@ -47,7 +48,7 @@ class LiveCopies:
         return completed
 
     def _orphans(self, key: str, boot_id: int) -> list[RecordedMessage]:
-        """Copies from before the first one of this boot: their comm is dead, and its outbox has said all it had."""
+        """Copies from before the first one of this boot: their comm is dead, and its outbox has sent all it had."""
         copies, orphans = self._copies[key], []
         if any(copy.boot_id == boot_id for copy in copies):
             for copy in takewhile(lambda copy: copy.boot_id != boot_id, copies):

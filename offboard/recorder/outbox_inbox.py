@@ -10,7 +10,7 @@ HANDOVER_S = 10.0  # longer than the outbox waits for a recorder that has ended
 
 
 class OutboxInbox:
-    """What came of the rows that are on their way. Rows that wait for the disk keep everything else out.
+    """What came of the rows that are in transit. Rows that wait for the disk keep everything else out.
 
     Numbers of rows count for one life of the outbox: of another one nothing is known. What comes twice, the database
     knows by its messages.
@@ -19,7 +19,7 @@ class OutboxInbox:
     def __init__(self, recorder_id: int) -> None:
         self.recorder_id = recorder_id
         self.complete: OutboxPiece | None = None  # the last piece of rows that are all here, not yet stored
-        self._another_since_s: float | None = None  # the rows on their way go to another recorder
+        self._another_since_s: float | None = None  # the rows in transit go to another recorder
         self._newest_s = float("-inf")
         self._next_row = 0  # of the newest piece's outbox: the first that is not stored yet
         self._newest: OutboxPiece | None = None
@@ -64,7 +64,7 @@ class OutboxInbox:
         self.complete = None
 
     def receipt(self, now_s: float) -> OutboxReceipt | None:
-        """What is wanted next of the outbox that spoke last; None while none did."""
+        """What is wanted next of the outbox that sent last; None while none did."""
         newest = self._newest
         if newest is None:
             return None

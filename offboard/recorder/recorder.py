@@ -71,7 +71,7 @@ class Recorder:
         self._next_write_s: float | None = None
         self._picture_due = self._drawn = False
         self._refusal: DiskError | None = None  # why the disk takes nothing at present
-        self._told_lost = ""
+        self._lost_notice = ""
 
     @property
     def finished(self) -> bool:
@@ -130,14 +130,14 @@ class Recorder:
         self._disk_takes_it()
         if run.lost:
             _log.error(run.lost)
-            self._told_lost = run.lost
+            self._lost_notice = run.lost
         self._inbox.recorder_id = run.database.recorder_id
         self._state = run.state()
         self._summary = None
         if self._handover is not None:
             self._handover.summary = None
         if first:
-            bus.record((*LAPTOP_RECORDED, *OF_COMM), run.heard)
+            bus.record((*LAPTOP_RECORDED, *OF_COMM), run.known)
             bus.take(OUTBOX)
 
     def _receive_data(self, bus: Bus, now_s: float) -> None:
@@ -211,10 +211,10 @@ class Recorder:
         self._drawn = written.finished
 
     def _acknowledge(self, bus: Bus, now_s: float) -> None:
-        receipt, said = self._inbox.receipt(now_s), self._receipt
+        receipt, last = self._inbox.receipt(now_s), self._receipt
         if receipt is None:
             return
-        if said is None or replace(receipt, t_s=said.t_s) != said or now_s >= said.t_s + RECEIPT_PERIOD_S:
+        if last is None or replace(receipt, t_s=last.t_s) != last or now_s >= last.t_s + RECEIPT_PERIOD_S:
             self._receipt = receipt
             bus.publish(RECEIPT, receipt)
 
@@ -255,17 +255,17 @@ class Recorder:
         elif self._inbox.another_is_served(now_s):
             error = ErrorCode.SECOND_RECORDER
         else:
-            error = ErrorCode.DATABASE_LOST if self._told_lost else ErrorCode.OK
+            error = ErrorCode.DATABASE_LOST if self._lost_notice else ErrorCode.OK
         missing = self._state.missing
         undecodable = sum(self._undecodable.counts.values())
-        said = (
+        details = (
             f"cannot write the run ({_reason(self._refusal)})" if self._refusal is not None else "",
-            self._told_lost,
-            f"{missing} map points were lost on the way" if missing else "",
+            self._lost_notice,
+            f"{missing} map points were lost in transit" if missing else "",
             f"{undecodable} messages could not be decoded" if undecodable else "",
         )
         state = "finished" if self.finished else "recording"
-        self._status.report(bus, now_s, state=state, error=error, ready=True, detail=", ".join(filter(None, said)))
+        self._status.report(bus, now_s, state=state, error=error, ready=True, detail=", ".join(filter(None, details)))
 
 
 def _reason(error: DiskError) -> str:

@@ -58,7 +58,7 @@ class RunFiles:
         self._made: set[str] = set()  # those that were written, and cannot all be made from what is here
 
     def restore(self, summary: bytes) -> bool:
-        """Goes on from a `summary`; False, and nothing is changed, where the folder does not hold what it speaks of."""
+        """Goes on from a `summary`; False, and nothing is changed, where the folder does not hold what it refers to."""
         if not summary:
             return False
         packed_map, pois, newest_pose_s, finished, trajectory_bytes, made = msgpack.unpackb(summary)

@@ -44,17 +44,17 @@ def reopen_run(run: KeptRun, error: BaseException, date: str | None) -> KeptRun:
 def _open(run_dir: Path, date: str | None, recorder_id: int, before: KeptRun | None) -> KeptRun:
     database = RunDatabase(run_dir / run_folder.DATABASE_NAME, date, recorder_id)
     try:
-        heard = database.heard((*LAPTOP_RECORDED, *OF_COMM))
+        known = database.newest_numbers((*LAPTOP_RECORDED, *OF_COMM))
         if before is not None:
             before.files.begin_again()
-            return KeptRun(database, before.files, before.copies, heard)
+            return KeptRun(database, before.files, before.copies, known)
         files = RunFiles(run_dir)
         summary = database.summary()
         after_row = summary.row if files.restore(summary.data) else 0
         messages = read_messages(database.connection, TOPICS_OF_FILES, after_row)
         files.begin(message.payload for message in messages)
-        copies = LiveCopies((topic.key for topic in OF_COMM), database.heard(OF_COMM))
-        return KeptRun(database, files, copies, heard)
+        copies = LiveCopies((topic.key for topic in OF_COMM), database.newest_numbers(OF_COMM))
+        return KeptRun(database, files, copies, known)
     except BaseException:
         database.close()
         raise

@@ -1,4 +1,4 @@
-"""Range logs of the robot navigation toolkit CARMEN -> `Frames`: lines FLASER, ROBOTLASER1 and ROBOTLASER2.
+"""Range logs of the robot navigation toolkit CARMEN -> `Scans`: lines FLASER, ROBOTLASER1 and ROBOTLASER2.
 
 Each such line holds a sweep of a laser, the laser's pose and the robot's odometry; of the sweep only a few beams are
 kept. What a FLASER line does not tell stands in the log's PARAM lines: how far the laser sees, over which angle, and
@@ -14,9 +14,9 @@ from math import degrees, inf, nan, pi, radians
 import numpy as np
 
 from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
-from offboard.replay.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest, shown
+from offboard.replay.log_scans import CENTRE, LogText, RangeLogError, ReadOptions, Scans, nearest, shown
 
-RANGE_MAX_M = 50.0  # of any laser indoors: lasers write 80 m and more for nothing heard
+RANGE_MAX_M = 50.0  # of any laser indoors: lasers write 80 m and more for no echo
 KINDS = ("FLASER", "ROBOTLASER1", "ROBOTLASER2")
 OTHERS = ("PARAM", "ODOM", "RLASER", "LASER3", "LASER4", "TRUEPOS", "SYNC", *(f"RAWLASER{i}" for i in range(1, 6)))
 
@@ -36,7 +36,7 @@ def line_kinds(lines: list[str]) -> Counter[str]:
     return Counter(word for word in words if word in KINDS or word in OTHERS)
 
 
-def read_carmen(text: LogText, kinds: Counter[str], options: ReadOptions) -> Frames:
+def read_carmen(text: LogText, kinds: Counter[str], options: ReadOptions) -> Scans:
     """One laser: the kind of line that the log has most of. Raises RangeLogError."""
     name = max(KINDS, key=lambda kind: kinds[kind])
     if not kinds[name]:
@@ -52,11 +52,11 @@ def read_carmen(text: LogText, kinds: Counter[str], options: ReadOptions) -> Fra
     laser = reader.mounting(name, rows[:, 2:5], rows[:, 5:8]) if len(rows) else CENTRE
     beams_rad = reader.choose(int(lines[0]), laser.heading_rad) if len(rows) else np.zeros(0)
     if name == "FLASER" and len(lines):
-        reader.tell_sweep(int(lines[0]), notes)
+        reader.note_sweep(int(lines[0]), notes)
     lines, ranges_m = text.rows(lines.tolist(), len(beams_rad), lambda n: reader.ranges(n, beams_rad), notes)
     bearings_rad = tuple(wrap_angle(b + laser.heading_rad) for b in beams_rad.tolist())
     rows = rows[: len(lines)]
-    return Frames(lines, _stamps(rows), rows[:, 2:5], ranges_m, bearings_rad, laser, notes)
+    return Scans(lines, _stamps(rows), rows[:, 2:5], ranges_m, bearings_rad, laser, notes)
 
 
 def _parameters(text: LogText) -> dict[str, tuple[int, str]]:
@@ -122,15 +122,15 @@ class _Reader:
         scan = self._scan(number)
         bearings_rad, step_rad = scan.bearings_rad, abs(scan.step_rad)
         if self.options.beams_deg is not None:
-            asked_rad = np.radians(self.options.beams_deg) - turned_rad
-            return bearings_rad[self._look_up(number, scan, asked_rad, _BEAM_OFF_MAX_RAD)]
+            wanted_rad = np.radians(self.options.beams_deg) - turned_rad
+            return bearings_rad[self._look_up(number, scan, wanted_rad, _BEAM_OFF_MAX_RAD)]
         middle_rad = (bearings_rad[0] + bearings_rad[-1]) / 2
         middle_rad = 0.0 if abs(middle_rad) <= step_rad else middle_rad
         half_rad = min(_SPREAD_RAD, (len(scan.ranges) + 1) * step_rad / 2)
         picked = self._look_up(number, scan, middle_rad + half_rad * _SPREAD, inf)
         return bearings_rad[list(dict.fromkeys(picked))]
 
-    def tell_sweep(self, number: int, notes: list[str]) -> None:
+    def note_sweep(self, number: int, notes: list[str]) -> None:
         """Over how much a FLASER looks is a guess, or said elsewhere."""
         scan = self._scan(number)
         over_rad = -2 * scan.first_rad
@@ -203,21 +203,21 @@ class _Reader:
 
     def _count(self, number: int, words: list[str], at: int) -> int:
         """How many ranges follow."""
-        told, left = shown(words[at]) if at < len(words) else "no", len(words) - at - 1
+        declared, left = shown(words[at]) if at < len(words) else "no", len(words) - at - 1
         count = self.text.number(number, words[at]) if at < len(words) else 0.0
         if not count.is_integer() or count < 1:
-            raise self.text.error(number, f"{told} readings; delete lines that hold none")
+            raise self.text.error(number, f"{declared} readings; delete lines that hold none")
         if count > left:
-            raise self.text.error(number, f"{told} readings are named, {left} values follow")
+            raise self.text.error(number, f"{declared} readings are named, {left} values follow")
         return int(count)
 
     def _field_of_view_rad(self, intervals: int) -> float:
-        """Over which angle a FLASER looks: as it is told, or half a turn."""
+        """Over which angle a FLASER looks: as it is declared, or half a turn."""
         if self.options.field_of_view_deg is not None:
             return radians(self.options.field_of_view_deg)
-        told = self._parameter("laser_front_laser_fov")
+        declared = self._parameter("laser_front_laser_fov")
         step = self._parameter("laser_front_laser_resolution")
-        over = told if told is not None else step * intervals if step is not None else pi
+        over = declared if declared is not None else step * intervals if step is not None else pi
         over_rad = _angle_rad(over)
         if not 0.0 < over_rad <= _TURN_RAD:
             raise RangeLogError(

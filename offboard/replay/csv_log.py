@@ -1,7 +1,7 @@
-"""Range logs in the shared CSV format -> `Frames`.
+"""Range logs in the shared CSV format -> `Scans`.
 
 Comment lines `# bearings_deg: ...` and `# max_range_m: ...`; a header with `t_s`, `odom_x_m`, `odom_y_m`,
-`odom_heading_rad` and `range0_m` on, in any order; then one line per frame, an empty cell where there was no echo.
+`odom_heading_rad` and `range0_m` on, in any order; then one line per scan, an empty cell where there was no echo.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from math import degrees, inf, isnan, nan, pi, radians
 import numpy as np
 
 from common.geometry import FloatArray
-from offboard.replay.log_frames import CENTRE, Frames, LogText, RangeLogError, ReadOptions, nearest, shown
+from offboard.replay.log_scans import CENTRE, LogText, RangeLogError, ReadOptions, Scans, nearest, shown
 
 POSE_COLUMNS = ("t_s", "odom_x_m", "odom_y_m", "odom_heading_rad")
 BEARINGS, LIMITS = "bearings_deg", "max_range_m"
@@ -22,7 +22,7 @@ _BEAM_OFF_MAX_RAD = radians(2.0)
 _TURN = 2 * pi + 0.01
 
 
-def read_csv(text: LogText, options: ReadOptions) -> Frames:
+def read_csv(text: LogText, options: ReadOptions) -> Scans:
     """Raises RangeLogError."""
     notes: list[str] = []
     comments = _comments(text)
@@ -38,7 +38,7 @@ def read_csv(text: LogText, options: ReadOptions) -> Frames:
     ranges_m = rows[:, 4:]
     ranges_m[~((ranges_m > 0) & (ranges_m < limits_m))] = nan
     keep = _pick(text.path, bearings_rad, options.beams_deg)
-    return Frames(lines, rows[:, 0], rows[:, 1:4], ranges_m[:, keep], tuple(bearings_rad[keep].tolist()), CENTRE, notes)
+    return Scans(lines, rows[:, 0], rows[:, 1:4], ranges_m[:, keep], tuple(bearings_rad[keep].tolist()), CENTRE, notes)
 
 
 def _comments(text: LogText) -> dict[str, tuple[int, str]]:
@@ -90,7 +90,7 @@ def _limits(text: LogText, comments: dict[str, tuple[int, str]], beams: int) -> 
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """Lines with frames, and which cell of them holds what: `order` (4 + beams)."""
+    """Lines with scans, and which cell of them holds what: `order` (4 + beams)."""
 
     text: LogText
     numbers: list[int]
@@ -102,7 +102,7 @@ class _Table:
     def of(cls, text: LogText, beams: int) -> _Table:
         numbers = [n for n, line in enumerate(text.lines, 1) if line.strip() and not line.lstrip().startswith("#")]
         if not numbers:
-            raise RangeLogError(f"{text.path} holds no header and no frames.")
+            raise RangeLogError(f"{text.path} holds no header and no scans.")
         at, line = numbers[0], text.lines[numbers[0] - 1]
         separator = next((s for s in _SEPARATORS if s in line), ",")
         names = [name.lower() for name in _cells(line, separator)]
@@ -136,11 +136,11 @@ def _cells(line: str, separator: str) -> list[str]:
     return cells if separator == "," else [cell.replace(",", ".") for cell in cells]
 
 
-def _pick(path: str, bearings_rad: FloatArray, asked_deg: tuple[float, ...] | None) -> list[int]:
-    if asked_deg is None:
+def _pick(path: str, bearings_rad: FloatArray, wanted_deg: tuple[float, ...] | None) -> list[int]:
+    if wanted_deg is None:
         return list(range(len(bearings_rad)))
     picked = []
-    for beam_deg in asked_deg:
+    for beam_deg in wanted_deg:
         index, off_rad = nearest(bearings_rad, radians(beam_deg))
         if off_rad > _BEAM_OFF_MAX_RAD:
             beams = ", ".join(f"{degrees(b):g}" for b in bearings_rad)

@@ -1,6 +1,6 @@
 """Stamps of a log, from whatever clock -> times in seconds that always go on.
 
-1. Frames with equal stamps share the time until the next stamp.
+1. Scans with equal stamps share the time until the next stamp.
 2. The unit is the one by which the robot drives about as fast as indoor robots do.
 3. A few stamps that lie elsewhere, before the clock goes on, lie evenly between their neighbours. A clock that does not
    go on after that was set anew; one that stood for longer than it owns up to goes on by the log's own period.
@@ -15,9 +15,9 @@ from math import log10
 import numpy as np
 
 from common.geometry import FloatArray
-from offboard.replay.log_frames import Lines, note
+from offboard.replay.log_scans import Lines, note
 
-PERIOD_S = 0.2  # of frames of which no clock tells anything
+PERIOD_S = 0.2  # of scans of which no clock tells anything
 SPEED_M_S = 0.3
 MOVED_M = 0.001
 UNITS = {
@@ -29,9 +29,9 @@ UNITS = {
 }
 GAP_MAX_S = 3600.0
 STAMP_MAX_S = 1e11  # what is later no clock of seconds tells finely enough
-WILD_MAX = 5  # frames
+WILD_MAX = 5  # scans
 ELSEWHERE = "a stamp that lies elsewhere was put between its neighbours"
-STOOD_SHARE = 0.3  # of the log's period: frames that share less time than this were not that close
+STOOD_SHARE = 0.3  # of the log's period: scans that share less time than this were not that close
 
 
 def steady(stamps: FloatArray, steps_m: FloatArray, lines: Lines, notes: list[str]) -> FloatArray:
@@ -76,7 +76,7 @@ def _unit_s(values: FloatArray, counts: Lines, steps_m: FloatArray) -> float:
 def _walk(
     values: FloatArray, counts: Lines, period_s: float, lines: Lines, notes: list[str]
 ) -> tuple[Lines, FloatArray]:
-    """Which of the stamps (G,), each of `counts` frames, are believed, and the times of their first frames."""
+    """Which of the stamps (G,), each of `counts` scans, are believed, and the times of their first scans."""
     stamps = values.tolist()
     kept, runs = [0], abs(stamps[0]) <= STAMP_MAX_S
     times_s = [stamps[0] if runs else 0.0]
@@ -103,8 +103,8 @@ def _walk(
     if counts[-1] > max(WILD_MAX, int(counts[:-1].max(initial=1))):
         stood.append(int(lines[-1]))
     note(notes, wild, ELSEWHERE)
-    note(notes, anew, "the clock was set anew; times go on from the frame before")
-    note(notes, stood, f"the clock stands still; frames follow each other every {period_s:.3g} s from there on")
+    note(notes, anew, "the clock was set anew; times go on from the scan before")
+    note(notes, stood, f"the clock stands still; scans follow each other every {period_s:.3g} s from there on")
     return np.array(kept), np.array(times_s)
 
 

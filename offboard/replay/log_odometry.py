@@ -17,26 +17,26 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
-from offboard.replay.log_frames import Lines, note
+from offboard.replay.log_scans import Lines, note
 
-REACH_M, REACH_M_S = 1.0, 3.0  # what no robot indoors goes beyond from frame to frame
+REACH_M, REACH_M_S = 1.0, 3.0  # what no robot indoors goes beyond from scan to scan
 REACH_RAD, REACH_RAD_S = 1.5, 2.0
-PAUSE_MAX_S = 60.0  # a longer one allows no further way
+PAUSE_MAX_S = 60.0  # a longer one allows no further path
 HOME = 0.05  # metres and radians: a driver that was started again begins at zero
 USUAL_TIMES = 3.0  # so many times the usual step is no step to zero
-GLITCH_MAX = 5  # frames
+GLITCH_MAX = 5  # scans
 SAME_PLACE = 0.3  # metres and radians together
 BEAMS_SAME_MIN = 2
 SAME_VIEW_M, OTHER_VIEW_M = 0.1, 0.3
-VIEWS = 10  # how many frames must see what was seen there
+VIEWS = 10  # how many scans must see what was seen there
 BACK_MAX_M = 100.0  # how far from where it was a robot is believed to be elsewhere all of a sudden
 COURSE_OFF = 0.05  # mean square of the sine between heading and course of a robot that does not drive where it looks
 COURSE_TIMES = 5.0
 
 NEAR_ZERO_M = 1e5  # further off, places lose digits
 BEGUN = (
-    "odometry does not go on from the frame before; a new piece of the map begins, to be tied to the rest by what it "
-    "sees"
+    "odometry does not go on from the scan before; a new piece of the map begins, to be connected to the rest by what "
+    "it sees"
 )
 
 Mask = npt.NDArray[np.bool_]
@@ -55,16 +55,16 @@ def in_radians(poses: FloatArray, notes: list[str]) -> FloatArray:
 
 def _off_course(poses: FloatArray) -> float:
     step = np.diff(poses[:, :2], axis=0)
-    way_m = np.hypot(step[:, 0], step[:, 1])
+    moved_m = np.hypot(step[:, 0], step[:, 1])
     turn_rad = wrap_angles(np.diff(poses[:, 2]))
     off_rad = np.arctan2(step[:, 1], step[:, 0]) - poses[:-1, 2] - turn_rad / 2
-    weight = np.minimum(way_m, REACH_M)
+    weight = np.minimum(moved_m, REACH_M)
     return float((weight * np.sin(off_rad) ** 2).sum() / max(weight.sum(), 1e-9))
 
 
 @dataclass(slots=True)
 class Trust:
-    """Odometry `poses` (N, 3) at `times_s` (N,), `ranges_m` (N, beams) heard there, and the frames' `lines` (N,)."""
+    """Odometry `poses` (N, 3) at `times_s` (N,), `ranges_m` (N, beams) measured there, and the scans' `lines` (N,)."""
 
     times_s: FloatArray
     poses: FloatArray
@@ -72,7 +72,7 @@ class Trust:
     lines: Lines
     notes: list[str]
     _usual: tuple[float, float] = field(init=False)
-    _reached: Mask = field(init=False)  # (N,) from the frame before
+    _reached: Mask = field(init=False)  # (N,) from the scan before
 
     def __post_init__(self) -> None:
         step_m = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
@@ -87,7 +87,7 @@ class Trust:
         self._reached = np.append(True, reached)
 
     def judge(self) -> tuple[FloatArray, Mask]:
-        """Poses (N, 3) that go on, and for which frames (N,) that is known; adds notes."""
+        """Poses (N, 3) that go on, and for which scans (N,) that is known; adds notes."""
         raw, begun = self._without_strays()
         note(self.notes, self.lines[begun].tolist(), BEGUN)
         poses, goes_on = raw.copy(), np.ones(len(raw), np.bool_)
@@ -102,7 +102,7 @@ class Trust:
         return poses, goes_on
 
     def _without_strays(self) -> tuple[FloatArray, list[int]]:
-        """Poses (N, 3) without those out of reach for a few frames, and with which frames odometry began anew."""
+        """Poses (N, 3) without those out of reach for a few scans, and with which scans odometry began anew."""
         raw, strays = self.poses.copy(), np.zeros(len(self.poses), np.bool_)
         begun: list[int] = []
         back = 0
@@ -122,7 +122,7 @@ class Trust:
         return raw, begun
 
     def _back(self, at: int) -> int:
-        """Where soon after `at` odometry jumps back to where it goes on from the frame before; 0 where it does not."""
+        """Where soon after `at` odometry jumps back to where it goes on from the scan before; 0 where it does not."""
         for k in range(at + 1, min(at + 1 + GLITCH_MAX, len(self.poses))):
             before, after = Pose2.from_array(self.poses[at - 1]), Pose2.from_array(self.poses[k])
             dt_s = min(float(self.times_s[k] - self.times_s[at - 1]), PAUSE_MAX_S)
@@ -131,7 +131,7 @@ class Trust:
         return 0
 
     def _begin(self, at: int, raw: FloatArray, poses: FloatArray) -> Pose2:
-        """Where the robot most likely is in frame `at`, whose odometry began anew."""
+        """Where the robot most likely is in scan `at`, whose odometry began anew."""
         before = Pose2.from_array(poses[at - 1])
         place = self._place_again(at, raw)
         if place is not None:
@@ -147,11 +147,11 @@ class Trust:
         return before.compose(Pose2(share * step.x_m, share * step.y_m, share * step.heading_rad))
 
     def _place_again(self, at: int, raw: FloatArray) -> int | None:
-        """The frame before `at` that saw what is seen now, where odometry now claims to be; None where none did."""
+        """The scan before `at` that saw what is seen now, where odometry now claims to be; None where none did."""
         views = range(at, min(at + VIEWS, len(raw)))
         places = []
-        for frame in views:
-            off = np.hypot(*(raw[:at, :2] - raw[frame, :2]).T) + np.abs(wrap_angles(raw[:at, 2] - raw[frame, 2]))
+        for scan in views:
+            off = np.hypot(*(raw[:at, :2] - raw[scan, :2]).T) + np.abs(wrap_angles(raw[:at, 2] - raw[scan, 2]))
             places.append(int(off.argmin()))
             if off.min() > SAME_PLACE:
                 return None
@@ -162,7 +162,7 @@ class Trust:
         return places[0] if moved and off_m < SAME_VIEW_M else None
 
     def _view_off_m(self, a: int, b: int) -> float:
-        """By how much the ranges of two frames differ; infinite where too few beams heard something in both."""
+        """By how much the ranges of two scans differ; infinite where too few beams heard something in both."""
         off_m = np.abs(self.ranges_m[a] - self.ranges_m[b])
         off_m = off_m[np.isfinite(off_m)]
         return float(np.median(off_m)) if len(off_m) >= BEAMS_SAME_MIN else np.inf
@@ -170,6 +170,6 @@ class Trust:
 
 def _between(first: FloatArray, last: FloatArray, count: int) -> FloatArray:
     """Poses (count, 3) evenly between two (3,)."""
-    way = last - first
-    way[2] = wrap_angle(float(way[2]))
-    return first + way * (np.arange(1, count + 1) / (count + 1))[:, None]
+    path = last - first
+    path[2] = wrap_angle(float(path[2]))
+    return first + path * (np.arange(1, count + 1) / (count + 1))[:, None]

@@ -1,7 +1,7 @@
 """Range logs of any carrier, of either dialect (`csv_log`, `carmen_log`) -> `RangeLog`.
 
-What the log tells of itself is taken at its word; then its clock, its odometry and its ranges must be such that a robot
-indoors may have made them. What is not is mended and said (`notes`), or refused. docs/range-logs.md has the list.
+What the log states of itself is accepted; then its clock, its odometry and its ranges must be such that a robot
+indoors may have made them. What is not is mended and reported (`notes`), or refused. docs/range-logs.md has the list.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from common.geometry import FloatArray
 from offboard.replay.carmen_log import line_kinds, read_carmen
 from offboard.replay.csv_log import read_csv
 from offboard.replay.log_clock import MOVED_M, steady
-from offboard.replay.log_frames import Frames, Lines, LogText, RangeLogError, ReadOptions
 from offboard.replay.log_odometry import Mask, Trust, in_radians
+from offboard.replay.log_scans import Lines, LogText, RangeLogError, ReadOptions, Scans
 
 __all__ = ["RangeLog", "RangeLogError", "read_range_log"]
 
@@ -36,7 +36,7 @@ SILENT_BELOW_M = 1.0
 class RangeLog:
     """`times_s` (N,), odometry `poses` (N, 3), `ranges_m` (N, beams) with NaN for no echo, `bearings_rad` (beams,).
 
-    The beams start at `centre_m` (2,) on the robot; `lines` (N,) are the frames' numbers in the file. `goes_on` (N,) is
+    The beams start at `centre_m` (2,) on the robot; `lines` (N,) are the scans' numbers in the file. `goes_on` (N,) is
     false where it is not known how a pose lies to the one before. `notes`: what was found and mended, a sentence each.
     """
 
@@ -52,13 +52,13 @@ class RangeLog:
     @property
     def range_step_m(self) -> float:
         """The step that the ranges are rounded to; 0 when they are not."""
-        heard = np.unique(np.round(self.ranges_m[np.isfinite(self.ranges_m)], 5))
-        gaps = np.diff(heard)
+        distances_m = np.unique(np.round(self.ranges_m[np.isfinite(self.ranges_m)], 5))
+        gaps = np.diff(distances_m)
         return float(gaps.min()) if len(gaps) and gaps.min() >= 0.005 else 0.0
 
     @property
     def step_m(self) -> float:
-        """From frame to frame of a robot that drives."""
+        """From scan to scan of a robot that drives."""
         return _usual_step_m(self.poses)
 
 
@@ -75,12 +75,12 @@ def read_range_log(
     text = _read(path)
     options = ReadOptions(beams_deg, max_range_m, field_of_view_deg)
     kinds = line_kinds(text.lines)
-    frames = read_carmen(text, kinds, options) if kinds else read_csv(text, options)
-    if len(frames.lines) < 2:
-        raise RangeLogError(f"{path} holds too few frames, {len(frames.lines)}; a map needs two at least.")
+    scans = read_carmen(text, kinds, options) if kinds else read_csv(text, options)
+    if len(scans.lines) < 2:
+        raise RangeLogError(f"{path} holds too few scans, {len(scans.lines)}; a map needs two at least.")
     if options.max_range_m is not None:
-        frames.ranges_m[frames.ranges_m >= options.max_range_m] = np.nan
-    return _judged(text, frames)
+        scans.ranges_m[scans.ranges_m >= options.max_range_m] = np.nan
+    return _judged(text, scans)
 
 
 def _read(path: Path) -> LogText:
@@ -112,55 +112,55 @@ def _decoded(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def _judged(text: LogText, frames: Frames) -> RangeLog:
-    notes = frames.notes
-    _check_ranges(text, frames)
-    ranges_m = frames.ranges_m
+def _judged(text: LogText, scans: Scans) -> RangeLog:
+    notes = scans.notes
+    _check_ranges(text, scans)
+    ranges_m = scans.ranges_m
     _silence(ranges_m, notes)
-    poses = in_radians(frames.poses, notes)
+    poses = in_radians(scans.poses, notes)
     if _usual_step_m(poses) > STEP_USUAL_MAX_M:
         raise text.error(
-            int(frames.lines[1]),
-            f"from here on odometry moves by {_usual_step_m(poses):.3g} m from frame to frame; it must be in metres, "
-            f"with frames less than {STEP_USUAL_MAX_M:g} m apart",
+            int(scans.lines[1]),
+            f"from here on odometry moves by {_usual_step_m(poses):.3g} m from scan to scan; it must be in metres, "
+            f"with scans less than {STEP_USUAL_MAX_M:g} m apart",
         )
-    times_s = steady(frames.stamps, _steps_m(poses), frames.lines, notes)
-    poses, goes_on = Trust(times_s, poses, ranges_m, frames.lines, notes).judge()
+    times_s = steady(scans.stamps, _steps_m(poses), scans.lines, notes)
+    poses, goes_on = Trust(times_s, poses, ranges_m, scans.lines, notes).judge()
     begun = np.flatnonzero(~goes_on)
     if len(begun) > BEGUN_MAX_SHARE * len(poses) + 1:
         raise text.error(
-            int(frames.lines[begun[0]]),
+            int(scans.lines[begun[0]]),
             f"here and {len(begun) - 1} times more odometry does not go on; it must be in metres and radians",
         )
-    said = tuple(f"{text.path}, {note}." for note in notes)
-    centre_m = frames.laser.as_array()[:2]
-    return RangeLog(times_s, poses, ranges_m, frames.bearings_rad, frames.lines, goes_on, centre_m, said)
+    sentences = tuple(f"{text.path}, {note}." for note in notes)
+    centre_m = scans.laser.as_array()[:2]
+    return RangeLog(times_s, poses, ranges_m, scans.bearings_rad, scans.lines, goes_on, centre_m, sentences)
 
 
-def _check_ranges(text: LogText, frames: Frames) -> None:
-    heard_m = frames.ranges_m[np.isfinite(frames.ranges_m)]
-    line = int(frames.lines[0])
-    if not len(heard_m):
+def _check_ranges(text: LogText, scans: Scans) -> None:
+    echoes_m = scans.ranges_m[np.isfinite(scans.ranges_m)]
+    line = int(scans.lines[0])
+    if not len(echoes_m):
         raise text.error(line, "from here on no range is an echo: all are 0, empty or at their limit in metres")
-    if float(np.median(heard_m)) > RANGE_USUAL_MAX_M:
+    if float(np.median(echoes_m)) > RANGE_USUAL_MAX_M:
         raise text.error(
-            line, f"from here on ranges are about {float(np.median(heard_m)):.4g} long; they must be in metres"
+            line, f"from here on ranges are about {float(np.median(echoes_m)):.4g} long; they must be in metres"
         )
 
 
 def _silence(ranges_m: FloatArray, notes: list[str]) -> None:
-    """A sensor that hears nothing may say so by its longest range, which recurs as none a little shorter does."""
+    """A sensor without an echo may report its longest range, which recurs as none a little shorter does."""
     while np.isfinite(ranges_m).any():
         longest_m = float(np.nanmax(ranges_m))
         longest = ranges_m == longest_m
         below = ranges_m[(ranges_m < longest_m) & (ranges_m > longest_m - SILENT_BELOW_M)]
         often = int(np.unique(below, return_counts=True)[1].max(initial=0))
-        heard = int(np.isfinite(ranges_m).sum())
+        echo_count = int(np.isfinite(ranges_m).sum())
         beams = int((longest.sum(axis=0) >= SILENT_MIN / SILENT_TIMES).sum())
-        recurs = longest.sum() >= max(SILENT_MIN, SILENT_SHARE * heard, SILENT_TIMES * often)
+        recurs = longest.sum() >= max(SILENT_MIN, SILENT_SHARE * echo_count, SILENT_TIMES * often)
         if not recurs or beams < min(2, ranges_m.shape[1]):
             return
-        notes.append(f"ranges of {longest_m:g} m, {int(longest.sum())} of {heard}, were taken for no echo")
+        notes.append(f"ranges of {longest_m:g} m, {int(longest.sum())} of {echo_count}, were taken for no echo")
         ranges_m[longest] = np.nan
 
 

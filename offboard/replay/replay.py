@@ -25,9 +25,9 @@ BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narro
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """Poses (N, 3) at the log's times, as believed then and in the end; map points (M, 2); cost of each frame (N,).
+    """Poses (N, 3) at the log's times, as estimated then and in the end; map points (M, 2); cost of each scan (N,).
 
-    `loose`: with which frames pieces of odometry begin that were not recognised in the map from before.
+    `loose`: with which scans pieces of odometry begin that were not recognised in the map from before.
     """
 
     times_s: FloatArray
@@ -70,7 +70,7 @@ def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> R
     loose += _unrecognised(slam, begun)
     poses = slam.trajectory()[1]
     smoothed = np.array([Pose2.from_array(poses[node]).compose(seen).as_array() for node, seen in anchored])
-    online, smoothed = (_shifted(way, -log.centre_m) + [*log.centre_m, 0.0] for way in (online, smoothed))
+    online, smoothed = (_shifted(path, -log.centre_m) + [*log.centre_m, 0.0] for path in (online, smoothed))
     points = slam.wall_points() + log.centre_m
     return Replayed(log.times_s, online, smoothed, points, step_s, work_s, slam.closures, tuple(loose))
 
@@ -83,7 +83,7 @@ def _shifted(poses: FloatArray, by_m: FloatArray) -> FloatArray:
 
 
 def _unrecognised(slam: Slam, begun: list[int]) -> list[int]:
-    """The newest of the pieces begun, if it is not tied to the map from before."""
+    """The newest of the pieces begun, if it is not connected to the map from before."""
     return begun[-1:] if isinf(slam.uncertainty[0]) else []
 
 

@@ -21,7 +21,7 @@ class MapAssembly:
     """
 
     def __init__(self) -> None:
-        self.missing = 0  # points that were lost on the way, of the map as it is now
+        self.missing = 0  # points that were lost in transit, of the map as it is now
         self._revision = -1
         self._length = self._holes = 0
         self._points_m: npt.NDArray[np.float32] = np.empty((0, 2), np.float32)

@@ -27,7 +27,7 @@ from common.json_reader import Node, load_json
 from common.text_file import read_text
 
 TRAJECTORY_NAME = "trajectory.tum"  # the poses as they were published at the time
-SMOOTHED_NAME = "trajectory_smoothed.tum"  # the path as it was believed in the end
+SMOOTHED_NAME = "trajectory_smoothed.tum"  # the path as it was estimated in the end
 TRUTH_NAME = "truth.tum"  # simulation only
 MAP_POINTS_NAME = "map_points.csv"
 POIS_NAME = "pois.json"
@@ -40,7 +40,7 @@ PHOTO_FOLDER = "photos"
 RECORDED_NAMES = (DATABASE_NAME, TRAJECTORY_NAME, SMOOTHED_NAME, MAP_POINTS_NAME, POIS_NAME)  # what makes it a run
 
 MAP_HEADER = "x_m,y_m,inferred"
-MAP_REACH_M = 500.0  # along either axis from the start: what is said to lie farther lies on no floor
+MAP_REACH_M = 500.0  # along either axis from the start: what claims to lie farther lies on no floor
 
 _ROWS_AT_ONCE = 10_000
 _POSE_FORM = "t x y z qx qy qz qw"
@@ -58,7 +58,7 @@ class MapData:
     """Everything a picture of the map shows, in the message `map`."""
 
     points_m: Points  # (N, 2) wall points
-    inferred: npt.NDArray[np.uint8]  # (N,) 1 where a wall was concluded, not echoed
+    inferred: npt.NDArray[np.uint8]  # (N,) 1 where a wall was inferred, not echoed
     trajectory: FloatArray  # (K, 3) x, y, heading
     pois: list[dict[str, Any]] = field(default_factory=list)  # the records of pois.json
 

@@ -1,6 +1,6 @@
 """The tables of `run.sqlite` and how the recorder fills them: every message once by (topic, boot id, sequence).
 
-Reading is `run_database.RunReader`. What is said of the messages as a whole (`senders`, `recorder`) is written in one
+Reading is `run_database.RunReader`. What is known of the messages as a whole (`senders`, `recorder`) is written in one
 transaction with them, so that a recorder goes on with a run of any length without reading it.
 """
 
@@ -37,7 +37,7 @@ CREATE UNIQUE INDEX messages_once ON messages (topic, boot_id, sequence);
 CREATE TABLE starts (number INTEGER PRIMARY KEY, date TEXT NOT NULL, arrived_s REAL);  -- of the recorder
 """
 _SENDERS = """
-CREATE TABLE senders (         -- what is known to have been said since this run began
+CREATE TABLE senders (         -- what is known to have been published since this run began
     topic TEXT NOT NULL,
     boot_id INTEGER NOT NULL,
     first INTEGER NOT NULL,    -- sequence numbers
@@ -69,7 +69,7 @@ _INSERT = (
     "INSERT OR IGNORE INTO messages (topic, boot_id, sequence, t_s, arrived_s, payload, problem)"
     " VALUES (?, ?, ?, ?, ?, ?, ?)"
 )
-_SAID = (
+_COUNT_SENDER = (
     "INSERT INTO senders VALUES (?, ?, ?, ?, ?) ON CONFLICT (topic, boot_id) DO UPDATE SET"
     " first = min(first, excluded.first), newest = max(newest, excluded.newest), stored = stored + excluded.stored"
 )
@@ -176,7 +176,7 @@ class RunDatabase:
             raise
         self._files = DatabaseFiles(file)
 
-    def heard(self, topics: Iterable[Topic[Any]]) -> Known:
+    def newest_numbers(self, topics: Iterable[Topic[Any]]) -> Known:
         """Newest sequence number by (topic, boot id), of the last KNOWN_BOOTS senders of each of these topics."""
         known: Known = {}
         query = "SELECT boot_id, newest FROM senders WHERE topic = ? ORDER BY rowid DESC LIMIT ?"
@@ -193,9 +193,9 @@ class RunDatabase:
         result = Result()
         with transaction(self.connection):
             for message in delivery.messages:
-                self._store_frame(message, delivery.arrived_s, result)
+                self._store_message(message, delivery.arrived_s, result)
             losses = [(*source, first, last, 0) for source, (first, last) in delivery.dropped.items()]
-            self.connection.executemany(_SAID, losses)
+            self.connection.executemany(_COUNT_SENDER, losses)
             if delivery.summary is not None:
                 kept = (delivery.summary.row, delivery.summary.data)
                 self.connection.execute("UPDATE recorder SET files_row = ?, files = ?", kept)
@@ -222,13 +222,13 @@ class RunDatabase:
         begin = f"INSERT INTO recorder VALUES ({recorder_id}, 0, x'');PRAGMA user_version = {SCHEMA_VERSION};"
         self.connection.executescript(f"BEGIN;{tables}{_DROPPED}{begin}COMMIT;")
 
-    def _store_frame(self, message: RecordedMessage, arrived_s: float, result: Result) -> None:
+    def _store_message(self, message: RecordedMessage, arrived_s: float, result: Result) -> None:
         payload, problem = validate_data(message)
         t_s = None if payload is None else payload.t_s
         row = (message.key, message.boot_id, message.sequence, t_s, arrived_s, message.data, problem)
         if not self.connection.execute(_INSERT, row).rowcount:
             return
-        self.connection.execute(_SAID, (message.key, message.boot_id, message.sequence, message.sequence, 1))
+        self.connection.execute(_COUNT_SENDER, (message.key, message.boot_id, message.sequence, message.sequence, 1))
         if problem is None:
             result.stored.append(Stored(TOPIC_OF_KEY[message.key], message.boot_id, payload))
         else:

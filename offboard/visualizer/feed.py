@@ -1,6 +1,6 @@
 """Where the node's thread and the server's thread meet: one `LiveModel` behind a lock, stamped by one clock.
 
-The node (or whoever plays back a recording) -> `take` -> `Feed` -> frames for each client, data for the exports. A
+The node (or whoever plays back a recording) -> `take` -> `Feed` -> messages for each client, data for the exports. A
 client has one slot per channel, which is what it has seen: a slow one skips what is in between and never queues.
 """
 
@@ -71,15 +71,15 @@ class Client:
         self._seen: protocol.Seen = {}
         self._skipped = 0
 
-    def changes(self) -> list[protocol.Frame]:
-        """The frames of what is new to this client."""
+    def changes(self) -> list[protocol.PageMessage]:
+        """The messages of what is new to this client."""
         with self._lock:
             before = self._seen.get("pose")
-            frames = list(protocol.changes(self._model, self._seen, self._clock()))
+            messages = list(protocol.changes(self._model, self._seen, self._clock()))
             if before is not None:
                 self._skipped += max(0, self._seen["pose"][0] - before[0] - 1)
-            return frames
+            return messages
 
-    def heartbeat(self) -> protocol.Frame:
+    def heartbeat(self) -> protocol.PageMessage:
         with self._lock:
             return protocol.heartbeat(self._model, self._clock(), self._skipped)

@@ -36,7 +36,7 @@ from common.messages import (
     Trajectory,
 )
 from common.modules import ON_ROBOT
-from offboard.export.map_frame import frame
+from offboard.export.drawing_bounds import drawing_bounds
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor
 from offboard.visualizer.poi_store import PoiRecord, record_of
@@ -112,7 +112,7 @@ class LiveModel:
         return None if arrived_s is None else max(0.0, now_s - arrived_s)
 
     def trail(self) -> FloatArray:
-        """The way driven, (K, 3) x, y, heading: smoothed as far as that reaches, then as it was driven."""
+        """The path driven, (K, 3) x, y, heading: smoothed as far as that reaches, then as it was driven."""
         driven = np.array([pose[1:] for pose in self._since]).reshape(-1, 3)
         return np.concatenate([self._smoothed, driven])
 
@@ -132,7 +132,7 @@ class LiveModel:
     def base_point(self) -> tuple[float, float]:
         """Lower left corner of the drawing in map coordinates (VSL_MR_03); the same as in the exports."""
         everything = (self.points_m, self.trail()[:, :2], _places_m(self.pois.values()))
-        x0_m, y0_m, _, _ = frame(places_m[on_floor(places_m)] for places_m in everything)
+        x0_m, y0_m, _, _ = drawing_bounds(places_m[on_floor(places_m)] for places_m in everything)
         return x0_m, y0_m
 
     def _changed(self, channel: str) -> None:

@@ -1,8 +1,8 @@
-"""What the server says to a page: `LiveModel` -> frames of the WebSocket. Pure. The page's side is `page/link.js`.
+"""What the server sends to a page: `LiveModel` -> messages of the WebSocket. Pure. The page's side is `page/link.js`.
 
-A frame is text (JSON) or binary: the length of a JSON head (4 bytes, little endian), the head, padded with blanks to a
-multiple of 4, and raw little-endian values. Every frame has `channel`; the newest of a channel replaces what came
-before, except that `map` goes on at its `start` (0 begins anew). Lengths in metres, angles in radians, ages in seconds.
+A message is text (JSON) or binary: the length of a JSON head (4 bytes, little endian), the head, padded with blanks to
+a multiple of 4, and raw little-endian values. Each has `channel`; the newest of a channel replaces what came before,
+except that `map` goes on at its `start` (0 begins anew). Lengths in metres, angles in radians, ages in seconds.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from common.modules import MODULES, SPECIFIED
 from offboard.export.formats import EXPORTS
 from offboard.visualizer.live_model import LiveModel, Token
 
-Frame = str | bytes
+PageMessage = str | bytes
 Seen = dict[str, Token]  # per client: what it has of every channel
 
 _ERRORS = {int(code): info for code, info in ERRORS.items()}
 _UNKNOWN_ERROR = ErrorInfo("an error that this version does not know", "update this laptop")
 
 
-def text_frame(channel: str, **values: Any) -> str:
-    """A number that is none goes out as null: JSON has no other word for it."""
+def text_message(channel: str, **values: Any) -> str:
+    """A number that is none goes out as null: JSON has no other value for it."""
     message = {"channel": channel} | values
     try:
         return json.dumps(message, separators=(",", ":"), allow_nan=False)
@@ -44,25 +44,25 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def binary_frame(channel: str, *body: bytes | memoryview, **values: Any) -> bytes:
-    head = text_frame(channel, **values).encode()
+def binary_message(channel: str, *body: bytes | memoryview, **values: Any) -> bytes:
+    head = text_message(channel, **values).encode()
     head += b" " * (-len(head) % 4)
     return b"".join((len(head).to_bytes(4, "little"), head, *body))
 
 
-def hello(robot: str, exports: Iterable[str]) -> Frame:
-    """The first frame of a connection; `exports` are those that the page offers."""
+def hello(robot: str, exports: Iterable[str]) -> PageMessage:
+    """The first message of a connection; `exports` are those that the page offers."""
     offered = [{"form": form, "title": EXPORTS[form].title} for form in exports]
-    return text_frame("hello", robot=robot, exports=offered)
+    return text_message("hello", robot=robot, exports=offered)
 
 
-def heartbeat(model: LiveModel, now_s: float, skipped: int) -> Frame:
+def heartbeat(model: LiveModel, now_s: float, skipped: int) -> PageMessage:
     """What has an age: the page counts on from here, and takes silence for what it is.
 
     `skipped`: how many poses this client was too slow for.
     """
     ages = {name: model.age_s(name, now_s) for name in ("pose", "robot")}
-    return text_frame("heartbeat", age_s=ages, modules=list(_modules(model, now_s)), skipped=skipped)
+    return text_message("heartbeat", age_s=ages, modules=list(_modules(model, now_s)), skipped=skipped)
 
 
 def _modules(model: LiveModel, now_s: float) -> Iterator[dict[str, Any]]:
@@ -86,8 +86,8 @@ def _modules(model: LiveModel, now_s: float) -> Iterator[dict[str, Any]]:
         yield module
 
 
-def changes(model: LiveModel, seen: Seen, now_s: float) -> Iterator[Frame]:
-    """One frame for every channel of which the client has not seen the newest, and marks them as seen."""
+def changes(model: LiveModel, seen: Seen, now_s: float) -> Iterator[PageMessage]:
+    """One message for every channel of which the client has not seen the newest, and marks them as seen."""
     for channel, make in _CHANNELS.items():
         token = model.tokens.get(channel)
         if token is not None and seen.get(channel) != token:
@@ -95,10 +95,10 @@ def changes(model: LiveModel, seen: Seen, now_s: float) -> Iterator[Frame]:
             seen[channel] = token
 
 
-def _pose(model: LiveModel, _: Token | None, now_s: float) -> Frame:
+def _pose(model: LiveModel, _: Token | None, now_s: float) -> PageMessage:
     pose = model.pose
     assert pose is not None
-    return text_frame(
+    return text_message(
         "pose",
         x_m=round(pose.x_m, 4),
         y_m=round(pose.y_m, 4),
@@ -109,28 +109,28 @@ def _pose(model: LiveModel, _: Token | None, now_s: float) -> Frame:
     )
 
 
-def _map(model: LiveModel, seen: Token | None, _: float) -> Frame:
+def _map(model: LiveModel, seen: Token | None, _: float) -> PageMessage:
     epoch, length = model.tokens["map"]
     start = seen[1] if seen is not None and seen[0] == epoch else 0
     body = model.points_m[start:length].astype("<f4", copy=False).data, model.inferred[start:length].data
-    return binary_frame("map", *body, start=start, count=length - start, base=model.base_point())
+    return binary_message("map", *body, start=start, count=length - start, base=model.base_point())
 
 
-def _trail(model: LiveModel, _: Token | None, __: float) -> Frame:
-    return binary_frame("trail", np.ascontiguousarray(model.trail()[:, :2], "<f4").tobytes())
+def _trail(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+    return binary_message("trail", np.ascontiguousarray(model.trail()[:, :2], "<f4").tobytes())
 
 
-def _grid(model: LiveModel, _: Token | None, __: float) -> Frame:
+def _grid(model: LiveModel, _: Token | None, __: float) -> PageMessage:
     grid = model.grid
     assert grid is not None
     size = {"rows": grid.rows, "columns": grid.columns, "cell_m": grid.cell_m}
-    return binary_frame("grid", grid.cells_zlib, origin=(grid.origin_x_m, grid.origin_y_m), **size)
+    return binary_message("grid", grid.cells_zlib, origin=(grid.origin_x_m, grid.origin_y_m), **size)
 
 
-def _plan(model: LiveModel, _: Token | None, __: float) -> Frame:
+def _plan(model: LiveModel, _: Token | None, __: float) -> PageMessage:
     plan = model.plan
     assert plan is not None
-    return text_frame(
+    return text_message(
         "plan",
         mode=plan.mode,
         detail=plan.detail,
@@ -140,18 +140,18 @@ def _plan(model: LiveModel, _: Token | None, __: float) -> Frame:
     )
 
 
-def _permit(model: LiveModel, _: Token | None, __: float) -> Frame:
+def _permit(model: LiveModel, _: Token | None, __: float) -> PageMessage:
     permit = model.permit
     assert permit is not None
-    return text_frame("permit", granted=permit.granted, reason=permit.reason, stop_sources=list(permit.stop_sources))
+    return text_message("permit", granted=permit.granted, reason=permit.reason, stop_sources=list(permit.stop_sources))
 
 
-def _pois(model: LiveModel, _: Token | None, __: float) -> Frame:
-    return text_frame("pois", pois=[dataclasses.asdict(record) for record in model.pois.values()])
+def _pois(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+    return text_message("pois", pois=[dataclasses.asdict(record) for record in model.pois.values()])
 
 
 # The robot first: it is what must not be late
-_CHANNELS: dict[str, Callable[[LiveModel, Token | None, float], Frame]] = {
+_CHANNELS: dict[str, Callable[[LiveModel, Token | None, float], PageMessage]] = {
     "pose": _pose,
     "plan": _plan,
     "permit": _permit,

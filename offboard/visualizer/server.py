@@ -36,7 +36,7 @@ from offboard.visualizer.feed import Client, Feed
 PAGE = Path(__file__).with_name("page")
 HEARTBEAT_PERIOD_S = 0.2
 PAGES_MAX = 32  # a slow one keeps a copy of the map; the other connections are for files, photos and exports
-_SAID_BYTES_MAX = 1024  # a page has nothing to say
+_RECEIVED_BYTES_MAX = 1024  # a page has nothing to send
 _PIECE_BYTES = 64_000
 _END_TIMEOUT_S = 2
 _START_TIMEOUT_S = 10.0
@@ -115,7 +115,7 @@ class PageServer:
                 http=BoundedProtocol,
                 backlog=CONNECTIONS_MAX,
                 ws="websockets-sansio",
-                ws_max_size=_SAID_BYTES_MAX,
+                ws_max_size=_RECEIVED_BYTES_MAX,
                 # A page on the same machine or Wi-Fi gains nothing by it, and every pose would pay
                 ws_per_message_deflate=False,
                 log_config=None,
@@ -217,16 +217,16 @@ class PageServer:
 
     async def _send(self, page: WebSocket, client: Client, news: asyncio.Event) -> None:
         """Sends what is new as fast as the page takes it; `send` waits while its buffer is full."""
-        await _send_frame(page, protocol.hello(self._robot, tuple(LIVE_EXPORTS)))
+        await _send_message(page, protocol.hello(self._robot, tuple(LIVE_EXPORTS)))
         loop = asyncio.get_running_loop()
         next_s = loop.time()
         while not self._server.should_exit:
             news.clear()
             for message in client.changes():
-                await _send_frame(page, message)
+                await _send_message(page, message)
             if loop.time() >= next_s:
                 next_s = loop.time() + HEARTBEAT_PERIOD_S
-                await _send_frame(page, client.heartbeat())
+                await _send_message(page, client.heartbeat())
             try:
                 await asyncio.wait_for(news.wait(), max(0.0, next_s - loop.time()))
             except TimeoutError:
@@ -240,7 +240,7 @@ def _own_socket(scope: Scope) -> str:
     return f"; connect-src 'self' ws://{host}" if re.fullmatch(r"[\w.:\[\]-]+", host) else ""
 
 
-async def _send_frame(page: WebSocket, message: protocol.Frame) -> None:
+async def _send_message(page: WebSocket, message: protocol.PageMessage) -> None:
     if isinstance(message, str):
         await page.send_text(message)
     else:
@@ -248,7 +248,7 @@ async def _send_frame(page: WebSocket, message: protocol.Frame) -> None:
 
 
 async def _until_gone(page: WebSocket) -> None:
-    """A page says nothing that matters; this notices when it leaves."""
+    """A page sends nothing that matters; this notices when it leaves."""
     while (await page.receive())["type"] != "websocket.disconnect":
         pass
 

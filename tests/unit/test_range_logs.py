@@ -376,8 +376,8 @@ def words_changed(lines: list[str], number: int, at: int, word: str) -> list[str
 ROBOT = carmen_lines("ROBOTLASER1", silent="2.5")
 REFUSED: dict[str, tuple[list[str], str]] = {
     "nothing": ([""], "is no CARMEN log, and a CSV log needs"),
-    "no frames": (csv_lines()[:3], "too few frames, 0"),
-    "one frame": (csv_lines()[:4], "too few frames, 1"),
+    "no frames": (csv_lines()[:3], "too few scans, 0"),
+    "one frame": (csv_lines()[:4], "too few scans, 1"),
     "no header": (csv_lines()[:2], "no header"),
     "odometry only": (["ODOM 0 0 0 0 0 0 1.0 host 1.0"] * 9, "its lines are ODOM"),
     "raw laser": (["RAWLASER1 0 0 1 1 1 1 0 1 1 0 1.0 host 1.0"] * 9, "its lines are RAWLASER1"),

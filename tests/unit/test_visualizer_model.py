@@ -37,7 +37,7 @@ from offboard.runs import run_folder
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import PHOTO_BYTES_MAX, LiveModel
 from offboard.visualizer.poi_store import PoiRecord, RunFolderPois
-from offboard.visualizer.protocol import Frame
+from offboard.visualizer.protocol import PageMessage
 
 
 def pose(x_m: float, t_s: float = 0.0, *, valid: bool = True) -> PoseEstimate:
@@ -53,13 +53,13 @@ def door(poi_id: int, number: str = "101", photo: bytes = b"", t_s: float = 1.0)
     return PointOfInterest(t_s, poi_id, "Door", number, 1.0, 2.0, number, "Office", 0.9, "read", photo)
 
 
-def parsed(frame: Frame) -> dict[str, Any]:
-    """A frame as the page reads it; `body` where there is one."""
-    if isinstance(frame, str):
-        return dict(json.loads(frame))
-    length = int.from_bytes(frame[:4], "little")
+def parsed(message: PageMessage) -> dict[str, Any]:
+    """A message as the page reads it; `body` where there is one."""
+    if isinstance(message, str):
+        return dict(json.loads(message))
+    length = int.from_bytes(message[:4], "little")
     assert (4 + length) % 4 == 0, "numbers must begin where a browser can read them"
-    return dict(json.loads(frame[4 : 4 + length])) | {"body": frame[4 + length :]}
+    return dict(json.loads(message[4 : 4 + length])) | {"body": message[4 + length :]}
 
 
 class Watched:

@@ -1,4 +1,4 @@
-// The WebSocket to the server (offboard/visualizer/protocol.py): frames -> `onFrame(channel, message)`. It connects
+// The WebSocket to the server (offboard/visualizer/protocol.py): messages -> `onMessage(channel, message)`. It connects
 // again by itself; the server then sends everything anew. Whether the data are fresh is judged by their age alone.
 
 const RETRY_FIRST_MS = 300;
@@ -14,8 +14,8 @@ function decode(data) {
 }
 
 export class Link {
-  constructor(onFrame, onState) {
-    this.onFrame = onFrame;
+  constructor(onMessage, onState) {
+    this.onMessage = onMessage;
     this.onState = onState;
     this.retryMs = RETRY_FIRST_MS;
     this.heardMs = 0;
@@ -37,7 +37,7 @@ export class Link {
       this.retryMs = RETRY_FIRST_MS;
       const message = decode(event.data);
       if (message.channel === "hello") this.onState(true);
-      this.onFrame(message.channel, message);
+      this.onMessage(message.channel, message);
     };
     socket.onclose = () => this.#lost(socket);
   }

@@ -1,4 +1,4 @@
-// The page's copy of what the server knows: frames -> values, and how old they are.
+// The page's copy of what the server knows: messages -> values, and how old they are.
 
 import { Walls, grown } from "./walls.js";
 

@@ -13,7 +13,7 @@ MARGIN_M = 2.0  # room for the number of a door in an outer wall
 FOOT_M = 2.2  # room for the scale bar under the map
 
 
-def frame(places_m: Iterable[npt.NDArray[np.floating[Any]]]) -> tuple[float, float, float, float]:
+def drawing_bounds(places_m: Iterable[npt.NDArray[np.floating[Any]]]) -> tuple[float, float, float, float]:
     """Base point x and y (lower left corner, in the map), width and height: whole metres around all places (N, 2)."""
     there = [np.zeros((1, 2)), *filter(len, places_m)]
     low = np.min([places.min(axis=0) for places in there], axis=0) - (MARGIN_M, FOOT_M)

@@ -73,7 +73,7 @@ class LogText:
 
 
 @dataclass(frozen=True, slots=True)
-class Frames:
+class Scans:
     """`lines` (N,) are their numbers in the file; `stamps` (N,) of any clock, or none at all; odometry `poses` (N, 3).
 
     `ranges_m` (N, beams) with NaN for no echo, measured from `laser`, the place of the beams' centre on the robot.
