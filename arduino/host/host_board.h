@@ -1,4 +1,4 @@
-// The C interface of host_board.cpp: offboard/simulator/board.py calls it, and the fuzzer.
+// The C interface of host_board.cpp: offboard/simulator/electronics/board.py calls it, and the fuzzer.
 #pragma once
 #include <stdint.h>
 

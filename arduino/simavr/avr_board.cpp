@@ -1,5 +1,5 @@
 // The firmware's own binary for the Arduino Mega inside simavr, with the pins tied to a simulated body.
-// A C interface for offboard/simulator/avr_board.py; one call advances the microcontroller to a point in time.
+// A C interface for offboard/simulator/electronics/avr_board.py; one call advances the microcontroller to a point in time.
 //
 // SPDX-License-Identifier: GPL-3.0-or-later
 // This file links simavr, which is under the GNU GPL 3: unlike the rest of the project it is under the GPL too. It is a

@@ -10,12 +10,12 @@ import sys
 
 from common.messages import Speed
 from deploy.boards.board_link import BoardLink
-from offboard.simulator.avr_board import AvrBoard, build_avr_firmware
-from offboard.simulator.errors import PROFILES, random_stream
-from offboard.simulator.floor import load_floor
-from offboard.simulator.options import FLOORS
-from offboard.simulator.serial_line import BAUD, BITS_PER_BYTE, HostPort, SerialLine
-from offboard.simulator.world import World
+from offboard.simulator.building.floor import load_floor
+from offboard.simulator.electronics.avr_board import AvrBoard, build_avr_firmware
+from offboard.simulator.electronics.serial_line import BAUD, BITS_PER_BYTE, HostPort, SerialLine
+from offboard.simulator.error_profiles import PROFILES, random_stream
+from offboard.simulator.physics.world import STEP_S, World
+from offboard.simulator.run.options import FLOORS
 
 SECONDS = 20.0
 
@@ -35,7 +35,7 @@ def bench(_: bool) -> None:
     """Prints the figures; a short run says all there is to say."""
     board = CountingBoard()
     profile = PROFILES["realistic"]
-    line = SerialLine(profile, random_stream(0, "serial"))
+    line = SerialLine(profile, random_stream(0, "serial"), STEP_S)
     world = World(load_floor(FLOORS / "straight.json"), 0, 0, profile, board, line)
     link = BoardLink(HostPort(line))
     link.allow_motion()

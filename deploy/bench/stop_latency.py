@@ -28,8 +28,8 @@ from deploy.local.supervisor import Supervisor
 from offboard.command_center.operations import Answer
 from offboard.command_center.operator_client import operate, press_stop, request_release
 from offboard.command_center.software_stop import Demand
-from offboard.simulator.options import floor_path
-from offboard.simulator.process import MOTORS_NAME
+from offboard.simulator.run.options import floor_path
+from offboard.simulator.run.process import MOTORS_NAME
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 
 RATE_BYTES_S = 2_000_000

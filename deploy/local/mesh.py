@@ -31,7 +31,7 @@ from deploy.local.process_table import PROCESSES, SIMULATOR
 from deploy.local.supervisor import ProcessFailed, Supervisor
 from deploy.local.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
-from offboard.simulator.options import RunOptions, floor_json, load_world, prepare_folder
+from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 from onboard.mmu.map.map_file import MAP_NAME
 

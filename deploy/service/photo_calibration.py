@@ -8,13 +8,14 @@ from pathlib import Path
 
 from common.config import Config, load_config
 from deploy.service.config_file import write_config
-from onboard.poi.calibration import door_colour, field_of_view_deg
-from onboard.poi.frame_source import read_photo
+from onboard.poi.camera.calibration import field_of_view_deg
+from onboard.poi.camera.frame_source import read_photo
+from onboard.poi.doors.door_detection import calibrated_box
 
 
 def calibrate_doors(arguments: argparse.Namespace) -> int:
     config = _config_to_write(arguments.config)
-    box = str(door_colour(read_photo(arguments.photo)))
+    box = str(calibrated_box(read_photo(arguments.photo)))
     colours = tuple(dict.fromkeys((*config.poi.door_colours, box)))
     write_config(arguments.config, replace(config, poi=replace(config.poi, door_colours=colours)))
     print(f"Doors are {box}, written to {arguments.config}. Repeat with a photo of every other colour of doors.")

@@ -21,8 +21,8 @@ def add_verbs(verbs: Any) -> None:
 
 def _read_signs(arguments: argparse.Namespace) -> int:
     """Exit code 2 when a photo could not be read; the others are read all the same."""
-    from onboard.poi.frame_source import photo_files  # here, because they load OpenCV
-    from onboard.poi.photo_reading import PhotoReader
+    from onboard.poi.camera.frame_source import photo_files  # here, because they load OpenCV
+    from onboard.poi.signs.photo_reading import PhotoReader
 
     section = load_config(arguments.config).poi
     files = [file for path in arguments.photos for file in photo_files(path)]

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from deploy.local.mesh import run_local
-from offboard.simulator.errors import PROFILES
-from offboard.simulator.options import CAMERAS, DEFAULT_FLOOR, RunOptions, floor_path, load_world, own_floors
+from offboard.simulator.error_profiles import PROFILES
+from offboard.simulator.run.options import CAMERAS, DEFAULT_FLOOR, RunOptions, floor_path, load_world, own_floors
 
 
 def add_verbs(verbs: Any) -> None:
@@ -57,7 +57,7 @@ def _local(arguments: argparse.Namespace) -> int:
 
 
 def _simulate(arguments: argparse.Namespace) -> int:
-    from offboard.simulator.lockstep import simulate  # here, because it loads all modules of the robot and MuJoCo
+    from offboard.simulator.run.lockstep import simulate  # here, because it loads all modules of the robot and MuJoCo
 
     options = _options(arguments)
     load_world(options)

@@ -3,6 +3,6 @@
 import sys
 
 from common.process import run
-from offboard.simulator.process import make_simulator, simulator_parser
+from offboard.simulator.run.process import make_simulator, simulator_parser
 
 sys.exit(run("simulator", make_simulator, parser=simulator_parser(), leads_clock=True))

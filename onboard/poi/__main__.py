@@ -5,9 +5,9 @@ import sys
 
 from common.config import Config
 from common.process import run
-from onboard.poi.frame_source import open_source
+from onboard.poi.camera.frame_source import open_source
 from onboard.poi.poi import Poi, reader_of
-from onboard.poi.reading_worker import ThreadWorker
+from onboard.poi.signs.reading_worker import ThreadWorker
 
 
 def make_poi(config: Config, _: argparse.Namespace) -> Poi:

@@ -15,16 +15,16 @@ from common.errors import ErrorCode
 from common.geometry import Pose2
 from common.messages import PERMIT, POI, RETAKE, PointOfInterest, PoiRequest
 from common.status import StatusReporter
-from onboard.poi.camera_model import CameraModel
-from onboard.poi.door_detection import ColourBox
-from onboard.poi.doors import Door, State
-from onboard.poi.frame import FULL_SIZE_PX
-from onboard.poi.frame_source import FrameSource
-from onboard.poi.reading_worker import Read, ReadingWorker, read
+from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.camera.frame import FULL_SIZE_PX
+from onboard.poi.camera.frame_source import FrameSource
+from onboard.poi.doors.door_association import Door, State
+from onboard.poi.doors.door_detection import ColourBox
+from onboard.poi.doors.observations import Sign
+from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_before
-from onboard.poi.sightings import Sign
-from onboard.poi.sign_placement import WallPoint
-from onboard.poi.sign_reading import SignReader, sign_rules
+from onboard.poi.signs.reading_worker import Read, ReadingWorker, read
+from onboard.poi.signs.sign_reading import SignReader, sign_rules
 from onboard.poi.survey import Survey
 
 NO_FRAMES_S = 2.0

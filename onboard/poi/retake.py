@@ -11,7 +11,7 @@ from math import cos, pi, sin
 
 from common.geometry import Pose2, wrap_angle
 from common.messages import PoiCommand
-from onboard.poi.sign_placement import WallPoint
+from onboard.poi.placement.wall_line import WallPoint
 
 VISITS_MAX = 2
 DISTANCE_M = (0.7, 1.5)  # from the wall, as the hall allows

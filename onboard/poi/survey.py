@@ -15,16 +15,16 @@ from common.bus import Bus
 from common.constants import SONAR_RIGHT
 from common.geometry import Pose2, wrap_angle
 from common.messages import MAP, POSE, RANGES, PoseEstimate, Ranges
-from onboard.poi.camera_model import CameraModel
-from onboard.poi.door_detection import ColourBox, DoorDetector
-from onboard.poi.door_records import DoorRecords
-from onboard.poi.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Frame, Image
-from onboard.poi.frame_source import FrameSource
-from onboard.poi.pose_history import PoseHistory
-from onboard.poi.reading_worker import Finding, Job, Reading, ReadingWorker
-from onboard.poi.sign_detection import Box, sign_candidates
-from onboard.poi.sign_placement import WallLine, WallPoint, WallTracker
-from onboard.poi.wall_map import WallMap
+from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.camera.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Frame, Image
+from onboard.poi.camera.frame_source import FrameSource
+from onboard.poi.doors.door_detection import ColourBox, DoorDetector
+from onboard.poi.doors.door_records import DoorRecords
+from onboard.poi.placement.pose_history import PoseHistory
+from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker
+from onboard.poi.placement.wall_map import WallMap
+from onboard.poi.signs.reading_worker import Finding, Job, Reading, ReadingWorker
+from onboard.poi.signs.sign_detection import Box, sign_candidates
 
 TURNING_RAD_S = 0.08
 FULL_SPACING_M = 0.12

@@ -86,6 +86,11 @@ ROOMS = {
     "onboard/mmu": (".", "back_end", "front_end", "map", "on_demand"),
     "onboard/planner": (".", "mission", "driving", "exploration", "routing", "grid"),
     "deploy": (".", "verbs", "bench", "service", "local", "boards"),
+    "onboard/poi": (".", "doors", "signs", "placement", "camera"),
+    "offboard/simulator": (
+        *(".", "run", "camera", "physics", "sensors", "electronics", "building"),
+        "error_profiles",  # a module: every room draws its errors from it
+    ),
     "offboard": (
         *(".", "simulator", "command_center", "visualizer", "recorder"),
         *("replay", "evaluate", "export", "runs"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from common.constants import TICK_M, WHEEL_TRACK_M
-from offboard.simulator.board import HostBoard
+from offboard.simulator.electronics.board import HostBoard
 from onboard.bridge.line_protocol import LineDecoder, encode
 from onboard.bridge.protocol import HASH, CarSta, CarState, Drv, Hb, Message, Odo, Rel, Start
 

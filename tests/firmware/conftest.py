@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from offboard.simulator import avr_board
-from offboard.simulator.avr_board import AvrBoard
-from offboard.simulator.board import Board, HostBoard
+from offboard.simulator.electronics import avr_board
+from offboard.simulator.electronics.avr_board import AvrBoard
+from offboard.simulator.electronics.board import Board, HostBoard
 
 
 @pytest.fixture(scope="session")

@@ -8,11 +8,11 @@ from typing import Any
 
 from common.messages import Speed
 from deploy.boards.board_link import BoardLink
-from offboard.simulator.board import Board
-from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
-from offboard.simulator.floor import parse_floor
-from offboard.simulator.serial_line import HostPort, SerialLine
-from offboard.simulator.world import World
+from offboard.simulator.building.floor import parse_floor
+from offboard.simulator.electronics.board import Board
+from offboard.simulator.electronics.serial_line import HostPort, SerialLine
+from offboard.simulator.error_profiles import PROFILES, ErrorProfile, random_stream
+from offboard.simulator.physics.world import STEP_S, World
 from onboard.bridge.protocol import Message
 
 
@@ -46,7 +46,7 @@ class Course:
         floor: Any = None,
     ) -> None:
         profile = PROFILES[errors] if isinstance(errors, str) else errors
-        line = SerialLine(profile, random_stream(seed, "serial"))
+        line = SerialLine(profile, random_stream(seed, "serial"), STEP_S)
         self.world = World(floor or open_hall(20, 6), 0, seed, profile, board, line)
         self.link = BoardLink(HostPort(line))
         self.messages: list[Message] = []

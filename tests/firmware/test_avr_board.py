@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from common.constants import ENCODER_TICKS_PER_TURN, WHEEL_DIAMETER_M
-from offboard.simulator.avr_board import AvrBoard, build_avr_firmware
+from offboard.simulator.electronics.avr_board import AvrBoard, build_avr_firmware
 from onboard.bridge.line_protocol import LineDecoder
 from onboard.bridge.protocol import STOP_BYTE, CarSta, CarState, Hello, OdoFlag, ResetCause, Rng, SimSta
 from tests.firmware.bench import STEP_US, Bench

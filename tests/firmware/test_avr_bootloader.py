@@ -14,8 +14,8 @@ import pytest
 from common.bus import LocalMesh
 from common.constants import TICK_M
 from common.messages import CARRIER, DRIVE, PERMIT, CarrierReport, CarrierState, DriveCommand, Permit, Speed
-from offboard.simulator.avr_board import AvrBoard
-from offboard.simulator.board import ResetCause
+from offboard.simulator.electronics.avr_board import AvrBoard
+from offboard.simulator.electronics.board import ResetCause
 from onboard.bridge.bridge import Bridge
 from onboard.bridge.line_protocol import encode
 from onboard.bridge.protocol import Hb

@@ -7,8 +7,8 @@ import subprocess
 
 import pytest
 
-from offboard.simulator import avr_board
-from offboard.simulator.board import FirmwareBuildError
+from offboard.simulator.electronics import avr_board
+from offboard.simulator.electronics.board import FirmwareBuildError
 
 FLASH_MAX = 60_000
 STATIC_RAM_MAX = 4_096

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from common.messages import Speed
-from offboard.simulator.avr_board import AvrBoard
-from offboard.simulator.board import Board, HostBoard
-from offboard.simulator.errors import PROFILES
+from offboard.simulator.electronics.avr_board import AvrBoard
+from offboard.simulator.electronics.board import Board, HostBoard
+from offboard.simulator.error_profiles import PROFILES
 from onboard.bridge.protocol import CarSta, Dst, Odo, Rng, SimSta
 from tests.firmware.course import Course, hall, open_hall
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from common.constants import ANGLE_ERROR_RAD, REVERSE_MAX_M, SAFE_DISTANCE_M, SPEED_ERROR_M_S
-from offboard.simulator.board import HostBoard
+from offboard.simulator.electronics.board import HostBoard
 from onboard.bridge.protocol import CarState
 from tests.firmware.bench import Bench, ready_bench
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from common.errors import ErrorCode
-from offboard.simulator import board
+from offboard.simulator.electronics import board
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from offboard.simulator.board import HostBoard, ResetCause
+from offboard.simulator.electronics.board import HostBoard, ResetCause
 from onboard.bridge.line_protocol import encode
 from onboard.bridge.protocol import (
     HASH,

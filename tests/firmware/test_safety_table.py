@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from offboard.simulator import board
-from offboard.simulator.board import next_safety_state
+from offboard.simulator.electronics import board
+from offboard.simulator.electronics.board import next_safety_state
 from onboard.bridge.protocol import CarState
 
 BITS = {

@@ -20,11 +20,11 @@ from deploy.service.body_calibration import calibrate_gyro, calibrated, measure_
 from deploy.service.hand_drive import HandDrive
 from deploy.service.sensor_check import check_sensors
 from offboard.evaluate.umbmark import end_point, fit_wheels
-from offboard.simulator.board import HostBoard
-from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
-from offboard.simulator.pty_port import PtyPort
-from offboard.simulator.serial_line import SerialLine
-from offboard.simulator.world import STEP_S, World
+from offboard.simulator.electronics.board import HostBoard
+from offboard.simulator.electronics.pty_port import PtyPort
+from offboard.simulator.electronics.serial_line import SerialLine
+from offboard.simulator.error_profiles import PROFILES, ErrorProfile, random_stream
+from offboard.simulator.physics.world import STEP_S, World
 from onboard.bridge.protocol import CarState, Odo
 from onboard.bridge.serial_port import SerialPort
 from onboard.bridge.translation import odometry
@@ -40,7 +40,7 @@ class Stand:
     """A robot in a wide hall behind a pseudo-terminal; waiting is what makes its time pass."""
 
     def __init__(self, profile: ErrorProfile = NO_SLIP, board: HostBoard | None = None, seed: int = 3) -> None:
-        self._line = PtyPort(SerialLine(profile, random_stream(seed, "serial")))
+        self._line = PtyPort(SerialLine(profile, random_stream(seed, "serial"), STEP_S))
         self.world = World(open_hall(9, 9), 0, seed, profile, board or HostBoard(), self._line)
         self._port = SerialPort(str(self._line.path), 115200)
         self.session = BoardSession(self._port, lambda: self.world.time_s, self.sleep)

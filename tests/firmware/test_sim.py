@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from common.constants import TICK_M
-from offboard.simulator.board import HostBoard
+from offboard.simulator.electronics.board import HostBoard
 from onboard.bridge.line_protocol import LineDecoder
 from onboard.bridge.protocol import CarSta, Dst, Odo, OdoFlag, Rng, SimSta
 from tests.firmware.bench import Bench, ready_bench

@@ -40,7 +40,7 @@ from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.mmu import MappingUnit
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi
-from onboard.poi.reading_worker import DeferredReading
+from onboard.poi.signs.reading_worker import DeferredReading
 from tests.firmware.bench import Bench
 from tests.fuzz.wild import UNLIMITED
 

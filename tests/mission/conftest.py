@@ -11,8 +11,8 @@ import pytest
 
 from common.bus import UNFIT
 from common.errors import StartError
-from offboard.simulator.lockstep import Lockstep, build
-from offboard.simulator.options import RunOptions
+from offboard.simulator.run.lockstep import Lockstep, build
+from offboard.simulator.run.options import RunOptions
 from tests.mission.story import Story
 
 Ring = list[list[float]]

@@ -7,7 +7,7 @@ from math import hypot
 from typing import Any
 
 from common.messages import CARRIER, OPERATION, PERMIT, CarrierReport, Operation, OperatorCommand
-from offboard.simulator.lockstep import Lockstep
+from offboard.simulator.run.lockstep import Lockstep
 
 
 class Story:

@@ -27,8 +27,8 @@ from common.messages import (
     PoiRequest,
     StopRequest,
 )
-from offboard.simulator.lockstep import simulate
-from offboard.simulator.options import RunOptions
+from offboard.simulator.run.lockstep import simulate
+from offboard.simulator.run.options import RunOptions
 from tests.mission.story import Story
 
 Tell = Callable[..., Story]

@@ -10,8 +10,8 @@ from common.messages import STATUS, Operation, Permit
 from deploy.local.process_table import PROCESSES
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Demand, Look
-from offboard.simulator.options import FLOORS
-from offboard.simulator.process import MOTORS_NAME
+from offboard.simulator.run.options import FLOORS
+from offboard.simulator.run.process import MOTORS_NAME
 from tests.system.center import Center
 from tests.system.conftest import Mesh, until
 from tests.system.motors import MotorLog

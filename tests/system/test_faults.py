@@ -21,7 +21,7 @@ from common.clock import FreeClock
 from common.config import load_config
 from common.messages import LAPTOP_RECORDED, PERMIT, PLAN, ROBOT_RECORDED, TOPICS, Permit, Status, Topic
 from common.zenoh_bus import ZenohBus
-from offboard.simulator.process import MOTORS_NAME
+from offboard.simulator.run.process import MOTORS_NAME
 from tests.system.cable import Cable
 from tests.system.center import Center
 from tests.system.conftest import ROOT, children_of, environment, run_cli, until

@@ -22,7 +22,7 @@ import pytest
 from common.config import PoiSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, POSE, STATUS, Operation, OperatorCommand
 from deploy.local.process_table import PROCESSES
-from offboard.simulator.options import FLOORS
+from offboard.simulator.run.options import FLOORS
 from tests.system.conftest import Mesh, free_port, until
 from tests.system.footprint import Footprints
 from tests.system.page import frames

@@ -18,8 +18,8 @@ import pytest
 from common.config import CommSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, STATUS, Operation, OperatorCommand
 from deploy.local.process_table import PROCESSES
-from offboard.simulator.options import FLOORS
-from offboard.simulator.process import MOTORS_NAME
+from offboard.simulator.run.options import FLOORS
+from offboard.simulator.run.process import MOTORS_NAME
 from tests.system.center import Center
 from tests.system.conftest import Mesh, free_port, until
 from tests.system.main_thread import hold_main_thread, let_go

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from common.config import MeshSection
-from offboard.simulator.options import FLOORS
+from offboard.simulator.run.options import FLOORS
 from tests.system.conftest import ROOT, Mesh, children_of, environment, free_endpoint, run_cli, running, until
 
 pytestmark = pytest.mark.timeout(60)

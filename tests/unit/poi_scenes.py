@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offboard.simulator.board import FirmwareBuildError, HostBoard
-from offboard.simulator.floor import parse_floor
-from offboard.simulator.simulation import Simulation
+from offboard.simulator.building.floor import parse_floor
+from offboard.simulator.electronics.board import FirmwareBuildError, HostBoard
+from offboard.simulator.run.simulation import Simulation
 
 ROOM_M = 4.0
 SIDES = ("south", "east", "north", "west")

@@ -24,9 +24,9 @@ from deploy import cli
 from deploy.cli import main
 from offboard.export.formats import EXPORTS
 from offboard.runs import run_database
-from offboard.simulator.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world
-from onboard.poi.door_detection import ColourBox
-from onboard.poi.sign_reading import sign_rules
+from offboard.simulator.run.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world
+from onboard.poi.doors.door_detection import ColourBox
+from onboard.poi.signs.sign_reading import sign_rules
 from tests.unit.damage import Damage, RunFolder, assert_told
 from tests.unit.test_poi_frames import chessboard_view, plate_picture
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from offboard.simulator.board import HostBoard
+from offboard.simulator.electronics.board import HostBoard
 from onboard.bridge.line_protocol import LineDecoder, Received, crc16, decode, encode
 from onboard.bridge.protocol import LAYOUT, MAX_LINE, Ack, CarSta, Drv, Hb, Message, Odo, Rel, Rng
 

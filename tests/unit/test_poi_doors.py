@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from onboard.poi.camera_model import CameraModel
-from onboard.poi.door_detection import ColourBox, DoorDetector, DoorEdge, Side, calibrated_box, door_edges
-from onboard.poi.door_records import DoorRecords
-from onboard.poi.doors import State
-from onboard.poi.sightings import Sign
-from onboard.poi.sign_placement import WallLine, WallPoint
-from onboard.poi.sign_reading import SignReading, Verdict
+from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.doors.door_association import State
+from onboard.poi.doors.door_detection import ColourBox, DoorDetector, DoorEdge, Side, calibrated_box, door_edges
+from onboard.poi.doors.door_records import DoorRecords
+from onboard.poi.doors.observations import Sign
+from onboard.poi.placement.wall_line import WallLine, WallPoint
+from onboard.poi.signs.sign_reading import SignReading, Verdict
 
 CAMERA = CameraModel(640, 480)
 WALL = WallLine(1.3, 0.0)

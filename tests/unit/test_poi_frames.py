@@ -19,20 +19,20 @@ from common.config import load_config
 from common.errors import StartError
 from common.geometry import Pose2
 from deploy.cli import main
-from offboard.simulator.camera import Camera
-from offboard.simulator.floor import Plate
-from offboard.simulator.frame_server import FrameServer
-from offboard.simulator.sign_textures import draw_plate
-from onboard.poi.calibration import field_of_view_deg
-from onboard.poi.camera_model import CameraModel
-from onboard.poi.frame import Frame, Image
-from onboard.poi.frame_socket import SocketFrames
-from onboard.poi.frame_source import open_source
-from onboard.poi.reading_worker import DeferredReading, Job, Reading, ThreadWorker, read
-from onboard.poi.sharpness import sharpness
-from onboard.poi.sign_detection import Box, sign_candidates
-from onboard.poi.sign_placement import WallLine
-from onboard.poi.sign_reading import SignRules, TextLine, Verdict
+from offboard.simulator.building.floor import Plate
+from offboard.simulator.camera.camera import Camera
+from offboard.simulator.camera.frame_server import FrameServer
+from offboard.simulator.camera.sign_textures import draw_plate
+from onboard.poi.camera.calibration import field_of_view_deg
+from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.camera.frame import Frame, Image
+from onboard.poi.camera.frame_socket import SocketFrames
+from onboard.poi.camera.frame_source import open_source
+from onboard.poi.camera.sharpness import sharpness
+from onboard.poi.placement.wall_line import WallLine
+from onboard.poi.signs.reading_worker import DeferredReading, Job, Reading, ThreadWorker, read
+from onboard.poi.signs.sign_detection import Box, sign_candidates
+from onboard.poi.signs.sign_reading import SignRules, TextLine, Verdict
 
 
 class DrawnCamera:

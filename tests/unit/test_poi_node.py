@@ -29,14 +29,14 @@ from common.messages import (
     Ranges,
     Status,
 )
-from onboard.poi.camera_model import CameraModel
-from onboard.poi.frame import Frame, Image
+from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.camera.frame import Frame, Image
+from onboard.poi.camera.sharpness import Sharpness
+from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.poi import Poi
-from onboard.poi.reading_worker import DeferredReading, Finding, Job, Reading
 from onboard.poi.retake import Phase, Retake, after, begin, pose_before
-from onboard.poi.sharpness import Sharpness
-from onboard.poi.sign_placement import WallPoint
-from onboard.poi.sign_reading import SignReading, Verdict
+from onboard.poi.signs.reading_worker import DeferredReading, Finding, Job, Reading
+from onboard.poi.signs.sign_reading import SignReading, Verdict
 
 WALL_M = 1.2
 DOOR_M, PLATE_M = (2.5, 3.5), 2.2  # along x on the wall at y = -WALL_M; x grows with the drive

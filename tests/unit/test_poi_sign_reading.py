@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 
 from common.config import PoiSection
 from common.geometry import Pose2
-from offboard.simulator.floor import Plate
-from offboard.simulator.sign_textures import draw_plate
-from onboard.poi.camera_model import CameraModel
-from onboard.poi.frame import Frame
-from onboard.poi.reading_worker import Job, read
-from onboard.poi.sign_detection import Box
-from onboard.poi.sign_placement import WallLine
-from onboard.poi.sign_reading import SignReader, SignRules, TextLine, Verdict, joined_lines, signs
+from offboard.simulator.building.floor import Plate
+from offboard.simulator.camera.sign_textures import draw_plate
+from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.camera.frame import Frame
+from onboard.poi.placement.wall_line import WallLine
+from onboard.poi.signs.reading_worker import Job, read
+from onboard.poi.signs.sign_detection import Box
+from onboard.poi.signs.sign_reading import SignReader, SignRules, TextLine, Verdict, joined_lines, signs
 from tests.unit.poi_scenes import SIDES, floor_with_door, full_frame
 
 RULES = SignRules(re.compile(PoiSection().number_pattern), PoiSection().room_types)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from common.errors import StartError
-from offboard.simulator.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world, own_floors
+from offboard.simulator.run.options import DEFAULT_FLOOR, RunOptions, floor_path, load_world, own_floors
 
 
 def test_the_default_floor_is_one_of_the_projects_own() -> None:

@@ -10,15 +10,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from offboard.simulator import camera as camera_module
-from offboard.simulator.camera import Camera, CameraUnavailable, open_gl_context
-from offboard.simulator.errors import PROFILES
-from offboard.simulator.events import Events, OpenedDoor
-from offboard.simulator.floor import Floor, parse_floor, wall_segments
-from offboard.simulator.scenery import build_scenery
-from offboard.simulator.sign_textures import PLATE_PX_PER_M, draw_plate
-from offboard.simulator.world import World
-from onboard.poi.frame import FULL_SIZE_PX, Image
+from offboard.simulator.building.events import Events, OpenedDoor
+from offboard.simulator.building.floor import Floor, parse_floor, wall_segments
+from offboard.simulator.camera import camera as camera_module
+from offboard.simulator.camera.camera import Camera, CameraUnavailable, open_gl_context
+from offboard.simulator.camera.scenery import build_scenery
+from offboard.simulator.camera.sign_textures import PLATE_PX_PER_M, draw_plate
+from offboard.simulator.error_profiles import PROFILES
+from offboard.simulator.physics.world import World
+from onboard.poi.camera.frame import FULL_SIZE_PX, Image
 from tests.unit.test_simulator_world import RecordingBoard
 
 SIDES = {"east": (5.0, 2.5, 180.0), "north": (2.5, 5.0, -90.0), "west": (0.0, 2.5, 0.0), "south": (2.5, 0.0, 90.0)}

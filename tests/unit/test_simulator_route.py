@@ -7,10 +7,10 @@ import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import FloatArray
-from offboard.simulator.floor import Floor, load_floor, wall_segments
-from offboard.simulator.options import floor_path, own_floors
-from offboard.simulator.polygons import distances_m
-from offboard.simulator.route import Middles
+from offboard.simulator.building.floor import Floor, load_floor, wall_segments
+from offboard.simulator.building.polygons import distances_m
+from offboard.simulator.run.options import floor_path, own_floors
+from offboard.simulator.run.route import Middles
 
 
 def way_of(floor: Floor) -> FloatArray:

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 import serial
 
-from offboard.simulator.errors import PROFILES, ErrorProfile, random_stream
-from offboard.simulator.pty_port import PtyPort
-from offboard.simulator.serial_line import HostPort, SerialLine
+from offboard.simulator.electronics.pty_port import PtyPort
+from offboard.simulator.electronics.serial_line import HostPort, SerialLine
+from offboard.simulator.error_profiles import PROFILES, ErrorProfile, random_stream
+from offboard.simulator.physics.world import STEP_S
 from tests.unit.test_simulator_world import RecordingBoard
 
 
@@ -31,7 +32,7 @@ class TalkingBoard(RecordingBoard):
 
 
 def line_with(profile: ErrorProfile = PROFILES["none"]) -> tuple[SerialLine, TalkingBoard]:
-    return SerialLine(profile, random_stream(1, "serial")), TalkingBoard()
+    return SerialLine(profile, random_stream(1, "serial"), STEP_S), TalkingBoard()
 
 
 def test_bytes_travel_both_ways_at_115200_baud() -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offboard.simulator import camera as camera_module
-from offboard.simulator.board import FirmwareBuildError, HostBoard
-from offboard.simulator.floor import load_floor
-from offboard.simulator.simulation import Simulation
+from offboard.simulator.building.floor import load_floor
+from offboard.simulator.camera import camera as camera_module
+from offboard.simulator.electronics.board import FirmwareBuildError, HostBoard
+from offboard.simulator.run.simulation import Simulation
 from tests.unit.test_simulator_world import RecordingBoard, hall
 
 LOOP = Path(__file__).parents[2] / "offboard" / "simulator" / "floors" / "loop.json"

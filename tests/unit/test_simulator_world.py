@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from common.constants import TICK_M
-from offboard.simulator.board import ResetCause
-from offboard.simulator.drive_train import DriveTrain
-from offboard.simulator.errors import PROFILES, ErrorProfile, draw_run_errors, random_stream
-from offboard.simulator.events import Events, EventsError, load_events
-from offboard.simulator.floor import Floor, FloorError, load_floor, parse_floor
-from offboard.simulator.world import World
+from offboard.simulator.building.events import Events, EventsError, load_events
+from offboard.simulator.building.floor import Floor, FloorError, load_floor, parse_floor
+from offboard.simulator.electronics.board import ResetCause
+from offboard.simulator.error_profiles import PROFILES, ErrorProfile, draw_run_errors, random_stream
+from offboard.simulator.physics.drive_train import DriveTrain
+from offboard.simulator.physics.world import World
 
 FLOORS = Path(__file__).parents[2] / "offboard" / "simulator" / "floors"
 NONE = PROFILES["none"]

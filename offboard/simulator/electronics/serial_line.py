@@ -1,0 +1,108 @@
+"""The wire between the board's UART and the bridge: 115200 baud, with the bit errors and stalls of a profile.
+
+`SerialLine` is the wire, stepped by the world. `HostPort` is its far end inside the same program; `pty_port.PtyPort`
+gives the far end to another process.
+"""
+
+from __future__ import annotations
+
+from math import inf, log
+from random import Random
+
+from offboard.simulator.electronics.board import Board
+from offboard.simulator.error_profiles import ErrorProfile
+
+BAUD = 115_200
+BITS_PER_BYTE = 10  # 8N1
+_BUFFER_BYTES = 4096  # what a USB serial driver keeps for a reader that is late; older bytes are lost
+
+
+class SerialLine:
+    """Carries bytes both ways at the pace of the wire; `exchange` is called once for every step of the world."""
+
+    def __init__(self, profile: ErrorProfile, rng: Random, step_s: float) -> None:
+        self._profile, self._rng = profile, rng
+        self._to_board = _Wire(profile.serial_bit_error_rate, rng, step_s)
+        self._to_host = _Wire(profile.serial_bit_error_rate, rng, step_s)
+        self._arrived = bytearray()
+        self._stalled_until_s = 0.0
+        self._next_stall_s = self._stall_spacing_s()
+
+    def exchange(self, board: Board, now_s: float) -> None:
+        """Moves what the wire carries in one step."""
+        self._to_host.put(board.serial_read())
+        if now_s >= self._next_stall_s:
+            self._stalled_until_s = now_s + self._profile.serial_stall_s
+            self._next_stall_s = now_s + self._stall_spacing_s()
+        if now_s < self._stalled_until_s:
+            return
+        data = self._to_board.carry()
+        if data:
+            board.serial_write(data)
+        self._arrived += self._to_host.carry()
+        if len(self._arrived) > _BUFFER_BYTES:
+            del self._arrived[:-_BUFFER_BYTES]
+
+    def send(self, data: bytes) -> None:
+        """Bytes from the host, on their way to the board."""
+        self._to_board.put(data)
+
+    def receive(self) -> bytes:
+        """Every byte that has reached the host."""
+        data = bytes(self._arrived)
+        self._arrived.clear()
+        return data
+
+    def _stall_spacing_s(self) -> float:
+        spacing_s = self._profile.serial_stall_spacing_s
+        return inf if spacing_s == inf else self._rng.expovariate(1.0 / spacing_s)
+
+
+class _Wire:
+    """One direction."""
+
+    def __init__(self, bit_error_rate: float, rng: Random, step_s: float) -> None:
+        self._bytes_per_step = BAUD / BITS_PER_BYTE * step_s
+        self._waiting = bytearray()
+        self._credit_bytes = 0.0
+        self._rng = rng
+        self._error_log = log(1.0 - bit_error_rate) if bit_error_rate > 0.0 else 0.0
+        self._bits_to_error = self._draw()
+
+    def put(self, data: bytes) -> None:
+        self._waiting += data
+
+    def carry(self) -> bytes:
+        if not self._waiting:
+            self._credit_bytes = 0.0  # a wire that was idle cannot hurry afterwards
+            return b""
+        self._credit_bytes += self._bytes_per_step
+        count = min(int(self._credit_bytes), len(self._waiting))
+        self._credit_bytes -= count
+        data = self._waiting[:count]
+        del self._waiting[:count]
+        self._bits_to_error -= 8 * count
+        while self._bits_to_error < 0:
+            position = 8 * count + self._bits_to_error
+            data[position // 8] ^= 1 << position % 8
+            self._bits_to_error += 1 + self._draw()
+        return bytes(data)
+
+    def _draw(self) -> int:
+        """Good bits before the next bad one (a geometric distribution)."""
+        if self._error_log == 0.0:
+            return 1 << 62
+        return int(log(1.0 - self._rng.random()) / self._error_log)
+
+
+class HostPort:
+    """The bridge's end of a line in the same program: `read` and `write` never block."""
+
+    def __init__(self, line: SerialLine) -> None:
+        self._line = line
+
+    def read(self) -> bytes:
+        return self._line.receive()
+
+    def write(self, data: bytes) -> None:
+        self._line.send(data)

@@ -1,0 +1,94 @@
+"""Motors and wheels of the simulated body: PWM -> rotation (what the encoders see) -> motion over the floor.
+
+Between the two stand the errors of a run: wheel diameters, track, slip and bumps.
+"""
+
+from __future__ import annotations
+
+from math import exp, inf, pi, sqrt
+from random import Random
+
+from common.constants import ENCODER_TICKS_PER_TURN, WHEEL_DIAMETER_M, WHEEL_TRACK_M
+from offboard.simulator.error_profiles import RunErrors
+
+MOTOR_TIME_CONSTANT_S = 0.060
+DEAD_ZONE_PWM = 15
+FULL_SPEED_PWM = 200  # the wheel rolls at FULL_SPEED_M_S
+FULL_SPEED_M_S = 0.30
+FRICTION_M_S2 = 2.0  # a free wheel at mapping speed stands after 80 ms
+SLIP_LENGTH_M = 0.25  # over which slip stays alike
+BUMP_DURATION_S = 0.05
+
+_SPEED_PER_PWM_M_S = FULL_SPEED_M_S / (FULL_SPEED_PWM - DEAD_ZONE_PWM)
+_STANDING_M_S = 1e-4
+
+
+class DriveTrain:
+    """Two DC motors with their wheels. Speeds of rotation are kept as rim speeds of a wheel of nominal diameter."""
+
+    def __init__(self, errors: RunErrors, rng: Random, step_s: float) -> None:
+        self._errors, self._profile, self._rng, self._step_s = errors, errors.profile, rng, step_s
+        self._approach = 1.0 - exp(-step_s / MOTOR_TIME_CONSTANT_S)
+        self._track_m = WHEEL_TRACK_M * errors.track_factor
+        self._ticks_per_m = ENCODER_TICKS_PER_TURN / (pi * WHEEL_DIAMETER_M)
+        # A random walk of the rolled distance, made smooth: a share of it that changes over SLIP_LENGTH_M
+        self._slip_sd = self._profile.slip_sd_per_sqrt_m / sqrt(2.0 * SLIP_LENGTH_M)
+        self._rim_m_s = [0.0, 0.0]
+        self._rolled_m = [0.0, 0.0]
+        self._ticks = [0, 0]
+        self._slip = [rng.gauss(0.0, self._slip_sd), rng.gauss(0.0, self._slip_sd)]
+        self._next_bump_m = self._bump_distance_m()
+        self._bump_rad_s = 0.0
+        self._bump_left_s = 0.0
+
+    def step(self, pwm_left: int, pwm_right: int, enabled: bool) -> tuple[float, float]:
+        """Drives for one step; returns the body's free speed (m/s) and yaw rate (rad/s)."""
+        left = self._wheel_speed(0, pwm_left, enabled, self._errors.left_diameter_factor)
+        right = self._wheel_speed(1, pwm_right, enabled, self._errors.right_diameter_factor)
+        yaw_rate_rad_s = (right - left) / self._track_m
+        if self._profile.bump_spacing_m != inf:
+            yaw_rate_rad_s += self._bump(abs(left + right) * 0.5 * self._step_s)
+        return 0.5 * (left + right), yaw_rate_rad_s
+
+    def edges(self) -> tuple[int, int]:
+        """Signed quadrature edges of both encoders since the last call."""
+        now = [int(m * self._ticks_per_m // 1) for m in self._rolled_m]
+        left, right = now[0] - self._ticks[0], now[1] - self._ticks[1]
+        self._ticks = now
+        return left, right
+
+    def _wheel_speed(self, wheel: int, pwm: int, enabled: bool, diameter_factor: float) -> float:
+        rim_m_s = self._rim_m_s[wheel]
+        if enabled:
+            drive = max(abs(pwm) - DEAD_ZONE_PWM, 0) * _SPEED_PER_PWM_M_S
+            rim_m_s += self._approach * ((drive if pwm > 0 else -drive) - rim_m_s)
+        else:
+            loss_m_s = FRICTION_M_S2 * self._step_s
+            rim_m_s = max(rim_m_s - loss_m_s, 0.0) if rim_m_s > 0.0 else min(rim_m_s + loss_m_s, 0.0)
+        if abs(rim_m_s) < _STANDING_M_S:
+            self._rim_m_s[wheel] = 0.0
+            return 0.0
+        self._rim_m_s[wheel] = rim_m_s
+        rolled_m = rim_m_s * self._step_s
+        self._rolled_m[wheel] += rolled_m
+        if self._slip_sd > 0.0:
+            share = min(abs(rolled_m) / SLIP_LENGTH_M, 1.0)
+            self._slip[wheel] += -share * self._slip[wheel] + self._rng.gauss(0.0, self._slip_sd * sqrt(2.0 * share))
+        return rim_m_s * diameter_factor * (1.0 + self._slip[wheel])
+
+    def _bump_distance_m(self) -> float:
+        spacing_m = self._profile.bump_spacing_m
+        return inf if spacing_m == inf else self._rng.expovariate(1.0 / spacing_m)
+
+    def _bump(self, driven_m: float) -> float:
+        """Yaw rate that a sill or a cable puts on the body without turning a wheel."""
+        self._next_bump_m -= driven_m
+        if self._next_bump_m <= 0.0:
+            angle_rad = self._rng.uniform(self._profile.bump_min_rad, self._profile.bump_max_rad)
+            self._bump_rad_s = self._rng.choice((-1.0, 1.0)) * angle_rad / BUMP_DURATION_S
+            self._bump_left_s = BUMP_DURATION_S
+            self._next_bump_m = self._bump_distance_m()
+        if self._bump_left_s <= 1e-9:
+            return 0.0
+        self._bump_left_s -= self._step_s
+        return self._bump_rad_s

@@ -1,0 +1,236 @@
+"""The simulated building with the robot's body in it, joined to the firmware at its hardware layer.
+
+Reads the board's outputs, moves the body in MuJoCo, writes what encoders, IMU, sonars and bumper would tell the board,
+then lets the firmware run: one `step()` is 5 ms. The true pose stays here: nothing of it reaches a module of the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, cos, pi, radians, sin
+from typing import Any, Protocol
+
+import mujoco
+
+from common.constants import FOOTPRINT_RADIUS_M
+from common.geometry import FloatArray, Pose2, wrap_angle
+from offboard.simulator.building.events import Events
+from offboard.simulator.building.floor import Floor, FloorError
+from offboard.simulator.building.polygons import distances_m
+from offboard.simulator.electronics.board import Board, ResetCause
+from offboard.simulator.error_profiles import ErrorProfile, draw_run_errors, random_stream
+from offboard.simulator.physics.drive_train import DriveTrain
+from offboard.simulator.physics.mujoco_model import Scenery, build_model
+from offboard.simulator.sensors.imu import Imu
+from offboard.simulator.sensors.sonar import Circle, EchoModel, SonarBank
+
+STEP_S = 0.005
+_STEP_US = 5000
+_IMU_STEPS = 2
+_TRUTH_STEPS = 20
+_PEOPLE_STEPS = 4
+_BUMPER_HALF_ANGLE_RAD = radians(60.0)
+_BATTERY_MV = 12_000
+_FAR_BELOW_M = -10.0
+
+
+class Line(Protocol):
+    """A serial line that carries bytes between the board's UART and whoever is at its far end."""
+
+    def exchange(self, board: Board, now_s: float) -> None: ...
+
+
+class World:
+    """One run: a floor, a start, a seed, and the board that drives."""
+
+    def __init__(
+        self,
+        floor: Floor,
+        start_index: int,
+        seed: int,
+        profile: ErrorProfile,
+        board: Board,
+        line: Line | None = None,
+        events: Events | None = None,
+        scenery: Scenery | None = None,
+    ) -> None:
+        """`start_index` counts from 0; `scenery` is what a camera sees (`scenery.build_scenery`), None without one.
+
+        Raises FloorError when the floor has no such start.
+        """
+        if not 0 <= start_index < len(floor.starts):
+            raise FloorError(
+                f"floor {floor.name} has no start {start_index}, choose one from 0 to {len(floor.starts) - 1}"
+            )
+        self.floor, self.seed, self.board = floor, seed, board
+        self._line, self._events, self._scenery = line, events or Events(), scenery or Scenery()
+        errors = draw_run_errors(profile, seed)
+        self.errors = errors
+        self._drive_train = DriveTrain(errors, random_stream(seed, "slip"), STEP_S)
+        self._imu = Imu(errors, random_stream(seed, "gyro"), _IMU_STEPS * STEP_S)
+        self._sonars = SonarBank(profile, random_stream(seed, "sonar"))
+        self._steps = 0
+        self._power_on_us = 0  # of the board, on the world's clock
+        self.people: list[Circle] = []
+        self._changes_s = self._events.change_times_s()
+        start = floor.starts[start_index]
+        self._pose = (start.x_m, start.y_m, start.heading_rad)
+        self._velocity = (0.0, 0.0, 0.0)  # world x and y, yaw rate
+        self._imu_start = (start.heading_rad, 0.0, 0.0)  # heading, world velocity at the last sample
+        self._bumper = self._stop_button = False
+        self.contacts = 0
+        self.truth_log: list[tuple[float, float, float, float]] = []  # t_s, x_m, y_m, heading_rad at 10 Hz
+        self._clearance_m = float("inf")
+        self._rebuild()
+        self._tell_inputs()
+        self._record_truth()
+
+    @property
+    def time_s(self) -> float:
+        """Time since power-on."""
+        return self._steps * STEP_S
+
+    @property
+    def truth(self) -> Pose2:
+        """The true pose of the robot in the floor's frame."""
+        return Pose2(self._pose[0], self._pose[1], wrap_angle(self._pose[2]))
+
+    @property
+    def true_motion(self) -> tuple[float, float]:
+        """True speed along the heading (m/s) and yaw rate (rad/s): what blurs a picture."""
+        heading_rad = self._pose[2]
+        return cos(heading_rad) * self._velocity[0] + sin(heading_rad) * self._velocity[1], self._velocity[2]
+
+    @property
+    def clearance_m(self) -> float:
+        """The smallest distance between footprint and wall so far; below zero the footprint was pressed into one."""
+        return self._clearance_m
+
+    @property
+    def walls(self) -> FloatArray:
+        """(N, 4) segments as they stand now."""
+        return self._walls
+
+    def step(self) -> None:
+        """5 ms of world and firmware."""
+        self._steps += 1
+        now_us = self._steps * _STEP_US
+        if self._changes_s and self._changes_s[0] <= self.time_s:
+            self._changes_s = [t for t in self._changes_s if t > self.time_s]
+            self._rebuild()
+        if self._events.people and self._steps % _PEOPLE_STEPS == 0:
+            self._move_people()
+        self._move_body()
+        board = self.board
+        left, right = self._drive_train.edges()
+        if left or right:
+            board.encoder_edges(left, right)
+        if self._steps % _IMU_STEPS == 0:
+            self._sample_imu()
+        board.run(now_us - self._power_on_us)
+        fired = board.fired()
+        if fired:
+            self._ping(fired)
+        if self._line is not None:
+            self._line.exchange(board, self.time_s)
+        if self._steps % _TRUTH_STEPS == 0:
+            self._record_truth()
+
+    def reset_board(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
+        """The board restarts here and now: its clock begins at 0, echoes under way are lost."""
+        self.board.reset(cause)
+        self._power_on_us = self._steps * _STEP_US
+        self._tell_inputs()
+
+    def push_stop_button(self) -> None:
+        """Somebody pushes the button on the robot: it stays in, or comes out again."""
+        self._stop_button = not self._stop_button
+        self.board.stop_button(self._stop_button)
+
+    def _tell_inputs(self) -> None:
+        self.board.battery(_BATTERY_MV)
+        self.board.bumper(self._bumper)
+        self.board.cliff(False, False)
+        self.board.stop_button(self._stop_button)
+        self._sample_imu()
+
+    def _rebuild(self) -> None:
+        """Builds the model of the walls as they stand now; the body keeps its state."""
+        self._walls = self._events.walls_at(self.floor, self.time_s)
+        self.echo_model = EchoModel(self._walls)
+        people = [(f"person{i}", person.radius_m) for i, person in enumerate(self._events.people)]
+        self.model: Any = build_model(
+            self._walls,
+            self.floor.wall_colour_rgb,
+            people,
+            self._scenery,
+            self._events.open_doors(self.time_s),
+            STEP_S,
+        )
+        self.data: Any = mujoco.MjData(self.model)
+        self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
+        self._qpos[:] = self._pose
+        self._qvel[:] = self._velocity
+        mujoco.mj_forward(self.model, self.data)
+        self._move_people()
+
+    def _move_people(self) -> None:
+        self.people = []
+        for i, person in enumerate(self._events.people):
+            at = person.position(self.time_s)
+            if at is None:
+                self.data.mocap_pos[i] = (0.0, 0.0, _FAR_BELOW_M)
+            else:
+                self.data.mocap_pos[i] = (*at, 0.0)
+                self.people.append((*at, person.radius_m))
+
+    def _move_body(self) -> None:
+        speed_m_s, yaw_rate_rad_s = self._drive_train.step(*self.board.outputs())
+        yaw_rate_rad_s += self._events.hand_turn_rate_rad_s(self.time_s)
+        middle_rad = self._pose[2] + 0.5 * yaw_rate_rad_s * STEP_S
+        ctrl = self._ctrl
+        ctrl[0] = speed_m_s * cos(middle_rad)
+        ctrl[1] = speed_m_s * sin(middle_rad)
+        ctrl[2] = yaw_rate_rad_s
+        mujoco.mj_step(self.model, self.data)
+        self._pose = tuple(self._qpos.tolist())
+        self._velocity = tuple(self._qvel.tolist())
+        touching = self.data.ncon > 0
+        if touching or self._bumper:
+            self._touch()
+
+    def _touch(self) -> None:
+        """The bumper is a bow over the front of the robot."""
+        x_m, y_m, heading_rad = self._pose
+        pressed = False
+        for contact in self.data.contact[: self.data.ncon]:
+            bearing_rad = atan2(contact.pos[1] - y_m, contact.pos[0] - x_m) - heading_rad
+            pressed |= abs(wrap_angle(bearing_rad)) < _BUMPER_HALF_ANGLE_RAD
+        if pressed != self._bumper:
+            self._bumper = pressed
+            self.contacts += pressed
+            self.board.bumper(pressed)
+        self._measure_clearance()
+
+    def _sample_imu(self) -> None:
+        heading_rad, vx_m_s, vy_m_s = self._imu_start
+        period_s = _IMU_STEPS * STEP_S
+        turned_rad = (self._pose[2] - heading_rad + pi) % (2.0 * pi) - pi
+        ax_m_s2 = (self._velocity[0] - vx_m_s) / period_s
+        ay_m_s2 = (self._velocity[1] - vy_m_s) / period_s
+        c, s = cos(self._pose[2]), sin(self._pose[2])
+        self.board.imu(*self._imu.sample(turned_rad / period_s, c * ax_m_s2 + s * ay_m_s2, c * ay_m_s2 - s * ax_m_s2))
+        self._imu_start = (self._pose[2], self._velocity[0], self._velocity[1])
+
+    def _ping(self, fired: Sequence[int]) -> None:
+        for sonar, width_us in self._sonars.ping(self.echo_model, self._pose, fired, self.people):
+            self.board.echo(sonar, width_us)
+
+    def _record_truth(self) -> None:
+        pose = self.truth
+        self.truth_log.append((self.time_s, pose.x_m, pose.y_m, pose.heading_rad))
+        self._measure_clearance()
+
+    def _measure_clearance(self) -> None:
+        clear_m = float(distances_m(self._walls, self._pose[0], self._pose[1]).min()) - FOOTPRINT_RADIUS_M
+        self._clearance_m = min(self._clearance_m, clear_m)

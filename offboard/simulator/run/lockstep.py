@@ -1,0 +1,219 @@
+"""`indoor-mapping simulate`: every node of the robot in one thread and one simulated time, as fast as the CPU allows.
+
+The same nodes as on the boards, joined by a `LocalMesh` in a fixed order; below them the same world, firmware and
+serial line as in `local`, without processes. A run repeats to the bit from its seed.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from common.bus import Bus, LocalMesh
+from common.config import Config, with_camera
+from common.errors import StartError
+from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView
+from common.node import Node
+from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
+from offboard.recorder.recorder import Recorder
+from offboard.simulator.camera.camera_frames import CameraFrames
+from offboard.simulator.electronics.avr_board import AvrBoard
+from offboard.simulator.electronics.board import Board, FirmwareBuildError, HostBoard
+from offboard.simulator.physics.world import STEP_S
+from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder
+from offboard.simulator.run.route import RouteDriver
+from offboard.simulator.run.simulation import Simulation
+from onboard.bridge.bridge import Bridge
+from onboard.comm.comm import Comm
+from onboard.comm.outbox import Outbox
+from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.mmu import MappingUnit, carrier_of
+from onboard.planner.planner import Planner
+from onboard.poi.poi import Poi, reader_of
+from onboard.poi.signs.reading_worker import DeferredReading
+
+TIME_LIMIT_S = 4 * 3600.0
+RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
+PROGRESS_S = 5.0  # of wall time
+_ROUNDING_S = 1e-9
+
+
+@dataclass(slots=True)
+class _Slot:
+    """A node on the mesh, when it is due and how long its steps took."""
+
+    node: Node
+    bus: Bus
+    due_s: float = 0.0
+    durations_s: list[float] = field(default_factory=list)
+
+    def run(self, now_s: float) -> None:
+        if now_s < self.due_s - _ROUNDING_S:
+            return
+        self.due_s += self.node.period_s
+        began = time.perf_counter()
+        self.node.step(self.bus, now_s)
+        self.durations_s.append(time.perf_counter() - began)
+
+
+class Lockstep:
+    """World and nodes of one run. `advance` runs 5 ms of everything."""
+
+    def __init__(
+        self, simulation: Simulation, nodes: list[Node], seed: int = 0, beside: Callable[[], None] = lambda: None
+    ) -> None:
+        """`beside` is what runs in processes of its own on the robot; it counts to no node's steps."""
+        self.simulation, self._beside = simulation, beside
+        self.mesh = LocalMesh(seed)
+        self.operator = self.mesh.endpoint("command_center")
+        self.slots = [_Slot(node, self.mesh.endpoint(node.name)) for node in nodes]
+        self.world_s = 0.0  # wall time spent in the world
+
+    @property
+    def now_s(self) -> float:
+        return self.simulation.world.time_s
+
+    def advance(self) -> None:
+        began = time.perf_counter()
+        self.simulation.advance(self.now_s + STEP_S)
+        self.world_s += time.perf_counter() - began
+        now_s = self.now_s
+        self.mesh.now_s = now_s
+        for slot in self.slots:
+            slot.run(now_s)
+        self._beside()
+
+    def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
+        """Advance until the condition holds (True) or so much simulated time is over (False)."""
+        while not condition():
+            if self.now_s > limit_s:
+                return False
+            self.advance()
+        return True
+
+    def close(self) -> None:
+        for slot in self.slots:
+            slot.node.close()
+        self.simulation.close()
+
+
+def _board(build_of: str) -> Board:
+    try:
+        return AvrBoard() if build_of == "avr" else HostBoard()
+    except FirmwareBuildError as error:
+        raise StartError(str(error)) from error
+
+
+def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
+    """The whole robot in its building, powered on; raises StartError."""
+    floor, events = load_world(options)
+    simulation = Simulation(
+        floor,
+        _board(options.board),
+        start_index=options.start,
+        seed=options.seed,
+        errors=options.errors,
+        camera=options.camera,
+        events=events,
+    )
+    config = Config()
+    # Without a recorder nobody would ever empty it
+    outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
+    if simulation.camera is not None:
+        config = with_camera(config)
+    back_end = DeferredWorker()
+    nodes: list[Node] = [
+        Bridge(lambda: simulation.port),
+        MappingUnit(back_end, carrier_of(config)),
+        Planner(config.has_camera) if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
+        Comm(config.comm, outbox=outbox),
+    ]
+    if recorder is not None:
+        nodes.append(recorder)
+    if simulation.camera is not None:
+        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), DeferredReading(lambda: reader_of(config.poi))))
+    return Lockstep(simulation, nodes, options.seed, back_end.work)
+
+
+def simulate(options: RunOptions) -> int:
+    """A whole mission; prints its progress, writes the run folder. Exit code 0 when the mission was finished."""
+    folder = prepare_folder(options)
+    recorder = Recorder(folder)
+    robot = build(options, recorder)
+    began_s = time.monotonic()
+    try:
+        view = _mission(robot, began_s)
+        robot.run_until(lambda: recorder.finished, robot.now_s + RECORD_LIMIT_S)
+    finally:
+        robot.close()
+    outcome = view.outcome if view is not None else Outcome.NONE
+    robot.simulation.write_truth(folder)
+    steps = {slot.node.name: StepTimes.of(slot.durations_s) for slot in robot.slots}
+    facts = RunFacts(
+        floor=options.floor.stem,
+        seed=options.seed,
+        start=options.start,
+        options={key: value for key, value in options.as_dict().items() if key != "out"},
+        outcome=outcome,
+        reason=view.detail if view is not None else "the modules did not become ready",
+        simulated_time_s=round(robot.now_s, 3),
+        wall_time_s=round(time.monotonic() - began_s, 3),
+        steps=steps,
+    )
+    summary = write_summary(folder, facts, floor_json(options))
+    _say(_closing_line(summary, robot, folder))
+    return 0 if outcome is Outcome.FINISHED else 1
+
+
+def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
+    permit = robot.operator
+
+    def granted() -> bool:
+        newest = permit.latest(PERMIT)
+        return newest is not None and newest.granted
+
+    if not robot.run_until(granted, limit_s=60.0):
+        return None
+    robot.operator.publish(OPERATION, OperatorCommand(robot.now_s, Operation.START))
+    said_s = began_s
+
+    def finished() -> bool:
+        nonlocal said_s
+        view = robot.operator.latest(PLAN)
+        if view is not None and time.monotonic() - said_s > PROGRESS_S:
+            said_s = time.monotonic()
+            pace = robot.now_s / (said_s - began_s)
+            newest = permit.latest(PERMIT)
+            standing = "" if newest is None or newest.granted else f", standing: {newest.reason}"
+            _say(
+                f"{robot.now_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, "
+                f"{view.detail}{standing}, {pace:.0f} times real time"
+            )
+        return view is not None and view.outcome.ends_mission
+
+    robot.run_until(finished, TIME_LIMIT_S)
+    robot.run_until(lambda: False, robot.now_s + 0.3)
+    return robot.operator.latest(PLAN)
+
+
+def _closing_line(summary: dict[str, object], robot: Lockstep, folder: object) -> str:
+    shares = ", ".join(f"{slot.node.name} {sum(slot.durations_s):.1f} s" for slot in robot.slots)
+    figures = ", ".join(
+        f"{key} {summary[key]:.3f}"
+        for key in ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m", "ratio")
+        if isinstance(summary.get(key), float)
+    )
+    wall_s = summary["wall_time_s"]
+    assert isinstance(wall_s, float)
+    return (
+        f"{summary['outcome'] if summary['finished'] else 'NOT finished'} after {robot.now_s:.0f} s in {wall_s:.1f} s "
+        f"({robot.now_s / max(wall_s, 1e-3):.1f} times real time): {figures}\n"
+        f"wall time: world {robot.world_s:.1f} s, {shares}\nrun folder {folder}"
+    )
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()

@@ -1,0 +1,45 @@
+"""The simulated MPU-6050: true motion -> raw counts of accelerometer (+-2 g) and gyro (+-500 deg/s).
+
+Error terms of the gyro as in the Allan deviation (IEEE Std 952): turn-on bias, random walk of the bias, scale, white
+noise. The accelerometer is exact: nothing navigates by it.
+"""
+
+from __future__ import annotations
+
+from math import degrees, sqrt
+from random import Random
+
+from offboard.simulator.error_profiles import RunErrors
+
+GYRO_COUNTS_PER_DEG_S = 65.5
+ACCEL_COUNTS_PER_M_S2 = 16384.0 / 9.80665
+
+ImuCounts = tuple[int, int, int, int, int, int]  # ax, ay, az, gx, gy, gz
+
+
+class Imu:
+    """One sensor; `sample` is called once for every interval of `period_s`."""
+
+    def __init__(self, errors: RunErrors, rng: Random, period_s: float) -> None:
+        self._profile, self._rng = errors.profile, rng
+        self._scale = errors.gyro_scale_factor
+        self._bias_rad_s = list(errors.gyro_bias_rad_s)
+        self._walk_rad_s = errors.profile.gyro_walk_rad_s_sqrt_s * sqrt(period_s)
+
+    def sample(self, yaw_rate_rad_s: float, forward_m_s2: float, left_m_s2: float) -> ImuCounts:
+        """Counts for the means over the last interval."""
+        gyro = [self._gyro_count(axis, yaw_rate_rad_s if axis == 2 else 0.0) for axis in range(3)]
+        ax, ay = _count(forward_m_s2 * ACCEL_COUNTS_PER_M_S2), _count(left_m_s2 * ACCEL_COUNTS_PER_M_S2)
+        return ax, ay, 16384, gyro[0], gyro[1], gyro[2]
+
+    def _gyro_count(self, axis: int, rate_rad_s: float) -> int:
+        if self._walk_rad_s > 0.0:
+            self._bias_rad_s[axis] += self._rng.gauss(0.0, self._walk_rad_s)
+        measured_rad_s = rate_rad_s * self._scale + self._bias_rad_s[axis]
+        if self._profile.gyro_white_rad_s > 0.0:
+            measured_rad_s += self._rng.gauss(0.0, self._profile.gyro_white_rad_s)
+        return _count(degrees(measured_rad_s) * GYRO_COUNTS_PER_DEG_S)
+
+
+def _count(value: float) -> int:
+    return min(max(round(value), -32768), 32767)

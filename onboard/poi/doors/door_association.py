@@ -1,0 +1,186 @@
+"""Edges and signs of all walls in, doors with their plates out.
+
+A door is a left and a right edge on one wall, as far apart as a door is wide, each seen more than once. A plate belongs
+to the nearest door of its wall; one whose door was not seen whole tells of a door all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from math import atan2, cos, sin
+
+from onboard.poi.doors.door_detection import Side
+from onboard.poi.doors.observations import Edge, Sign, same_wall
+from onboard.poi.placement.wall_line import WallPoint
+
+OFF_WALL_M = 0.25
+DOOR_WIDTH_M = (0.65, 1.45)  # between the outer edges of the frame
+USUAL_WIDTH_M = 1.06
+PLATE_REACH_M = 0.55  # from a plate to its door's nearest edge
+SIGHTINGS_MIN = 2
+SIGHTINGS_UNREAD_MIN = 4  # of the edges of a door that nothing else speaks for
+SAME_DOOR_M = 0.6  # two that stand nearer are one, seen twice
+SAME_NUMBER_M = 1.2
+
+Span = tuple[Edge, Edge]  # left and right edge of a door
+
+
+class State(Enum):
+    READ = "read"
+    DOUBTFUL = "doubtful"  # a number was read, but not often or not clearly enough
+    UNREAD = "unread"
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """A door as known now; `sign` is its plate, None where none was seen. `seen_s`: when anything of it was seen."""
+
+    centre: WallPoint
+    width_m: float
+    sign: Sign | None
+    edges: tuple[Edge, ...]
+    seen_s: float
+
+    @property
+    def state(self) -> State:
+        if self.sign is None or not self.sign.numbers:
+            return State.UNREAD
+        return State.READ if self.sign.accepted else State.DOUBTFUL
+
+
+def joined(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint, WallPoint], bool]) -> list[Door]:
+    """Doors with their plates, and plates that stand alone. `backed`: is there wall between a left and a right edge?"""
+    well_seen = [e for e in edges if e.place.count >= SIGHTINGS_MIN]
+    spans = [span for span in _spans(well_seen) if backed(span[0].place.point, span[1].place.point)]
+    plates = _distinct_plates([s for s in signs if s.is_plate])
+    plate_of = _plates_of(spans, plates)
+    posters = [s for s in signs if s.rejected]
+    doors = [
+        _door(left, right, plates[plate_of[i]] if i in plate_of else None)
+        for i, (left, right) in enumerate(spans)
+        if i in plate_of or _speaks_for_itself(left, right, posters)
+    ]
+    taken = set(plate_of.values())
+    alone = [_door_of_plate(plate, well_seen) for j, plate in enumerate(plates) if j not in taken]
+    return _distinct(doors + alone)
+
+
+def _plates_of(spans: list[Span], plates: list[Sign]) -> dict[int, int]:
+    """Index of the span -> index of its plate, the nearest pairs first: a door has one plate, and a plate one door."""
+    pairs = sorted(
+        (gap_m, i, j)
+        for i, (left, right) in enumerate(spans)
+        for j, plate in enumerate(plates)
+        if (gap_m := _gap_m(left.place.point, right.place.point, plate.place.point)) is not None
+    )
+    plate_of: dict[int, int] = {}
+    for _, i, j in pairs:
+        if i not in plate_of and j not in plate_of.values():
+            plate_of[i] = j
+    return plate_of
+
+
+def _speaks_for_itself(left: Edge, right: Edge, posters: list[Sign]) -> bool:
+    """A door without a plate: seen well, and not the outline of a poster and what is beside it."""
+    a, b = left.place.point, right.place.point
+    return min(left.place.count, right.place.count) >= SIGHTINGS_UNREAD_MIN and not any(
+        _gap_m(a, b, poster.place.point) == 0.0 for poster in posters
+    )
+
+
+def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
+    """A plate whose door was not seen whole: the nearest edge tells where the door is, without one the plate itself."""
+    at = plate.place.point
+    best: tuple[float, Edge] | None = None
+    for edge in edges:
+        e = edge.place.point
+        if not same_wall(e, at) or e.off(at) > OFF_WALL_M:
+            continue
+        # Outside the door a plate hangs left of a left edge or right of a right one
+        outwards_m = at.right_of(e) * (1.0 if edge.side is Side.RIGHT else -1.0)
+        if -USUAL_WIDTH_M < outwards_m < PLATE_REACH_M and (best is None or abs(outwards_m) < best[0]):
+            best = (abs(outwards_m), edge)
+    if best is None:
+        return Door(at, 0.0, plate, (), plate.place.seen_s)
+    edge = best[1]
+    e = edge.place.point
+    inwards_m = (USUAL_WIDTH_M / 2) * (1.0 if edge.side is Side.LEFT else -1.0)
+    centre = WallPoint(e.x_m - inwards_m * sin(e.normal_rad), e.y_m + inwards_m * cos(e.normal_rad), e.normal_rad)
+    return Door(centre, USUAL_WIDTH_M, plate, (edge,), max(edge.place.seen_s, plate.place.seen_s))
+
+
+def _distinct_plates(plates: list[Sign]) -> list[Sign]:
+    """Without those that say the same as a better read one near it: one plate, placed twice."""
+    kept: list[Sign] = []
+    for plate in sorted(plates, key=lambda s: s.numbers[s.number], reverse=True):
+        twins = (other for other in kept if other.number == plate.number)
+        if not any(other.place.point.distance_m(plate.place.point) < SAME_NUMBER_M for other in twins):
+            kept.append(plate)
+    return kept
+
+
+def _distinct(doors: list[Door]) -> list[Door]:
+    """Without those that are another one seen again after the map had moved: the better read, then the better seen."""
+
+    def strength(door: Door) -> tuple[int, int, int]:
+        sign = door.sign
+        return (
+            sign.numbers[sign.number] if sign is not None else 0,
+            len(door.edges),
+            min((e.place.count for e in door.edges), default=0),
+        )
+
+    believed = {door.sign.number for door in doors if door.sign is not None and door.state is State.READ}
+    kept: list[Door] = []
+    for door in sorted(doors, key=strength, reverse=True):
+        number = door.sign.number if door.sign is not None else ""
+        if door.state is State.DOUBTFUL and number in believed:
+            continue  # the same plate, seen once from where it could not be placed
+        for other in kept:
+            reach_m = SAME_DOOR_M
+            if number and other.sign is not None and other.sign.number == number:
+                reach_m = SAME_NUMBER_M
+            if same_wall(door.centre, other.centre) and door.centre.distance_m(other.centre) < reach_m:
+                break
+        else:
+            kept.append(door)
+    return kept
+
+
+def _spans(edges: list[Edge]) -> list[Span]:
+    """Pairs of a left and a right edge that are a door; of several the best seen, then the widest. Each edge once."""
+    pairs = []
+    for i, left in enumerate(edges):
+        if left.side is not Side.LEFT:
+            continue
+        for j, right in enumerate(edges):
+            if right.side is not Side.RIGHT or not same_wall(left.place.point, right.place.point):
+                continue
+            width_m = right.place.point.right_of(left.place.point)
+            if DOOR_WIDTH_M[0] <= width_m <= DOOR_WIDTH_M[1] and right.place.point.off(left.place.point) < OFF_WALL_M:
+                pairs.append((-min(left.place.count, right.place.count), -width_m, i, j))
+    used: set[int] = set()
+    spans = []
+    for _, _, i, j in sorted(pairs):
+        if i not in used and j not in used:
+            used |= {i, j}
+            spans.append((edges[i], edges[j]))
+    return spans
+
+
+def _gap_m(left: WallPoint, right: WallPoint, plate: WallPoint) -> float | None:
+    """From a plate to the nearest edge of a door, 0 on the door; None when it cannot be that door's."""
+    if not same_wall(left, plate) or plate.off(left) > OFF_WALL_M:
+        return None
+    outside_m = max(left.right_of(plate), plate.right_of(right), 0.0)
+    return outside_m if outside_m < PLATE_REACH_M else None
+
+
+def _door(left: Edge, right: Edge, sign: Sign | None) -> Door:
+    a, b = left.place.point, right.place.point
+    normal_rad = atan2(sin(a.normal_rad) + sin(b.normal_rad), cos(a.normal_rad) + cos(b.normal_rad))
+    centre = WallPoint((a.x_m + b.x_m) / 2, (a.y_m + b.y_m) / 2, normal_rad)
+    seen_s = max(left.place.seen_s, right.place.seen_s, sign.place.seen_s if sign is not None else 0.0)
+    return Door(centre, b.right_of(a), sign, (left, right), seen_s)

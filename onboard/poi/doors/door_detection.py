@@ -1,0 +1,174 @@
+"""Where do doors begin and end in a preview frame? Picture, camera and wall in, edges of doors (columns) out.
+
+Looked at is a band of the wall at the height of door handles, below every sign: there a wall has one colour, and what
+has another one over the width of a door is a door. With calibrated colours (HSV boxes, the specification's way) door is
+what lies in a box; without, what stands out from the wall that the camera has been seeing.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+from math import pi
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from common.constants import CAMERA_HEIGHT_M
+from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.camera.frame import Image
+from onboard.poi.placement.wall_line import WallLine
+
+Mask = npt.NDArray[np.bool_]
+Colour = npt.NDArray[np.float64]  # (3,), blue green red
+
+BAND_LOW_M, BAND_HEIGHT_M = 0.85, 0.14
+BAND_ROWS = 12
+DARKER, BRIGHTER = 0.78, 1.28  # luminance over the wall's
+CHROMA_STEP = 0.022
+SOLID_M = 0.035  # a side of an edge that is narrower is noise
+TRACKING = 0.3  # how fast the wall's colour follows
+LOST_M = 1.6  # nothing but "door" for longer than any door is wide: it is the wall
+BRIGHT_SHARE = 0.25
+
+
+class Side(Enum):
+    """Which edge of a door, as one looks at it."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+@dataclass(frozen=True, slots=True)
+class DoorEdge:
+    side: Side
+    u_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class ColourBox:
+    """Limits of hue (0 to 179), saturation and value (0 to 255), both ends included; a hue may wrap."""
+
+    low: tuple[int, int, int]
+    high: tuple[int, int, int]
+
+    @classmethod
+    def parse(cls, text: str) -> ColourBox:
+        """From the form of robot.toml, `H8-22 S60-255 V30-230`; the configuration holds no other."""
+        h0, h1, s0, s1, v0, v1 = map(int, re.findall(r"\d+", text))
+        return cls((h0, s0, v0), (h1, s1, v1))
+
+    def __str__(self) -> str:
+        return " ".join(f"{name}{a}-{b}" for name, a, b in zip("HSV", self.low, self.high, strict=True))
+
+    def holds(self, hsv: Image) -> Mask:
+        """Which of the colours (..., 3) lie in the box."""
+        value = hsv.astype(np.int16)
+        low, high = np.array(self.low), np.array(self.high)
+        inside = (value >= low) & (value <= high)
+        if self.low[0] > self.high[0]:
+            inside[..., 0] = (value[..., 0] >= low[0]) | (value[..., 0] <= high[0])
+        return np.asarray(inside.all(axis=-1))
+
+
+class DoorDetector:
+    """Remembers the colour of the wall from frame to frame."""
+
+    def __init__(self, boxes: tuple[ColourBox, ...] = ()) -> None:
+        self._boxes = boxes
+        self._wall: Colour | None = None
+        self._lost_since_m: float | None = None
+
+    def edges(self, preview: Image, camera: CameraModel, wall: WallLine, driven_m: float) -> list[DoorEdge]:
+        """Edges between wall and door, from left to right; `driven_m` is the way driven so far."""
+        colours = band_colours(preview, camera, wall)
+        if self._boxes:
+            hsv = cv2.cvtColor(colours[None].astype(np.uint8), cv2.COLOR_BGR2HSV)[0]
+            door = np.any([box.holds(hsv) for box in self._boxes], axis=0)
+        else:
+            door = self._stands_out(colours, driven_m)
+        return door_edges(door, SOLID_M / camera.metres_per_px(wall.distance_m))
+
+    def _stands_out(self, colours: npt.NDArray[np.float64], driven_m: float) -> Mask:
+        if self._wall is None:
+            self._wall = np.median(colours, axis=0)
+        out = differs(colours, self._wall)
+        brighter = _luminance(colours) > BRIGHTER * _luminance(self._wall)
+        if brighter.mean() > BRIGHT_SHARE:
+            # Of two plain surfaces the brighter one is the wall: what was taken for it was a door or in the shade
+            self._wall = np.median(colours[brighter], axis=0)
+            out = differs(colours, self._wall)
+        if out.mean() < 0.9:
+            self._lost_since_m = None
+            seen = np.median(colours[~out], axis=0)
+            self._wall = (1 - TRACKING) * self._wall + TRACKING * seen
+            return out
+        if self._lost_since_m is None:
+            self._lost_since_m = driven_m
+        elif driven_m - self._lost_since_m > LOST_M:
+            self._wall, self._lost_since_m = None, None
+        return out
+
+    def turned(self) -> None:
+        """The robot looks at another wall now, which may be lit in another way."""
+        self._wall, self._lost_since_m = None, None
+
+
+def band_colours(image: Image, camera: CameraModel, wall: WallLine) -> npt.NDArray[np.float64]:
+    """Colour (width, 3) of the wall at the height of the band, column by column; as low as the picture shows."""
+    depth_m = wall.distance_m
+    lowest_m = max(BAND_LOW_M, CAMERA_HEIGHT_M - 0.98 * (CAMERA_HEIGHT_M - camera.height_m(camera.height_px, depth_m)))
+    bottom, top = (camera.row_px(z_m, depth_m) for z_m in (lowest_m, lowest_m + BAND_HEIGHT_M))
+    rows = np.linspace(bottom, top, BAND_ROWS).astype(int).clip(0, camera.height_px - 1)
+    return np.asarray(np.median(image[rows], axis=0), dtype=np.float64)
+
+
+def differs(colours: npt.NDArray[np.float64], wall: Colour) -> Mask:
+    """Which colours (N, 3) are not the wall's, whatever the light does within limits."""
+    ratio = _luminance(colours) / max(float(_luminance(wall)), 1.0)
+    chroma = np.abs(_chroma(colours) - _chroma(wall)).max(axis=-1)
+    return np.asarray((ratio < DARKER) | (ratio > BRIGHTER) | (chroma > CHROMA_STEP))
+
+
+def door_edges(door: Mask, solid_px: float) -> list[DoorEdge]:
+    """Changes between wall and door (N,) that have enough of both on their sides."""
+    changes = np.flatnonzero(np.diff(door.astype(np.int8))) + 1
+    bounds = np.concatenate([[0], changes, [len(door)]])
+    # Runs too narrow to be anything take the colour of what surrounds them
+    clean = door.copy()
+    for a, b in pairwise(bounds):
+        if a > 0 and b < len(door) and b - a < solid_px:
+            clean[a:b] = clean[a - 1]
+    changes = np.flatnonzero(np.diff(clean.astype(np.int8))) + 1
+    bounds = np.concatenate([[0], changes, [len(door)]])
+    return [
+        DoorEdge(Side.LEFT if clean[u] else Side.RIGHT, float(u))
+        for before, u, after in zip(bounds[:-2], bounds[1:-1], bounds[2:], strict=True)
+        if min(u - before, after - u) >= solid_px
+    ]
+
+
+def calibrated_box(photo: Image) -> ColourBox:
+    """The box of the colour in the middle of a photo that a door fills: 3rd to 97th percentile, a little widened."""
+    rows, columns = photo.shape[0], photo.shape[1]
+    middle = photo[rows // 4 : 3 * rows // 4, columns // 4 : 3 * columns // 4]
+    hsv = cv2.cvtColor(cv2.GaussianBlur(middle, (0, 0), 2.0), cv2.COLOR_BGR2HSV).reshape(-1, 3).astype(np.float64)
+    # Hue is an angle: it is measured from its own mean direction
+    mean_hue = np.angle(np.exp(1j * hsv[:, 0] * pi / 90).mean()) * 90 / pi
+    hsv[:, 0] = (hsv[:, 0] - mean_hue + 90) % 180 - 90
+    low, high = np.percentile(hsv, 3, axis=0) - (6, 30, 50), np.percentile(hsv, 97, axis=0) + (6, 30, 50)
+    h0, h1 = ((limit + mean_hue) % 180 for limit in (low[0], high[0]))
+    s0, v0 = np.maximum(low[1:], 0)
+    s1, v1 = np.minimum(high[1:], 255)
+    return ColourBox((int(h0), int(s0), int(v0)), (int(h1), int(s1), int(v1)))
+
+
+def _luminance(colours: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    return np.asarray(colours @ np.array([0.114, 0.587, 0.299]))
+
+
+def _chroma(colours: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    return np.asarray(colours / np.maximum(colours.sum(axis=-1, keepdims=True), 1.0))

@@ -1,0 +1,82 @@
+"""The wall points of the map, as the mapping unit sends them: is there wall between two points, and how does it face?
+
+What looks like a door and has no wall behind it is the mouth of a side hall.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, pi
+
+import numpy as np
+
+from common.geometry import Points, Pose2, wrap_angle
+from common.messages import MapUpdate
+from common.wall_points import with_increment
+from onboard.poi.placement.wall_line import WallPoint
+
+BACKING_M = 0.20  # a door may stand back from its wall, and the map errs
+SAMPLES = 5
+BACKED_SHARE = 0.8
+INNER = 0.7  # of the span: at its ends echo the corners of a mouth
+NEAR_M = 0.7
+POINTS_MIN = 5
+WAY_CLEAR_M, GOAL_CLEAR_M = 0.25, 0.45
+STRAIGHT = 0.25  # spread across over spread along: more is a corner
+
+
+class WallMap:
+    """All points known now."""
+
+    def __init__(self) -> None:
+        self._points: Points = np.zeros((0, 2))
+
+    def add(self, update: MapUpdate) -> None:
+        self._points = with_increment(self._points, update)
+
+    def backs(self, left: WallPoint, right: WallPoint) -> bool:
+        """Most of the way between two points lies on mapped wall."""
+        a, b = np.array([left.x_m, left.y_m]), np.array([right.x_m, right.y_m])
+        middle, half = (a + b) / 2, (b - a) / 2 * INNER
+        reach_m = float(np.hypot(*half)) + BACKING_M
+        near = self._near(middle, reach_m)
+        if not len(near):
+            return False
+        samples = middle + np.linspace(-1.0, 1.0, SAMPLES)[:, None] * half
+        gaps_m = np.hypot(*(samples[:, None] - near[None]).transpose(2, 0, 1)).min(axis=1)
+        return bool((gaps_m < BACKING_M).mean() >= BACKED_SHARE)
+
+    def in_sight(self, from_pose: Pose2, to_pose: Pose2) -> bool:
+        """No mapped wall stands between two poses, nor too near to the way or the second one."""
+        a, b = np.array([from_pose.x_m, from_pose.y_m]), np.array([to_pose.x_m, to_pose.y_m])
+        length_m = float(np.hypot(*(b - a)))
+        near = self._near((a + b) / 2, length_m / 2 + WAY_CLEAR_M)
+        if not len(near) or length_m < 1e-6:
+            return True
+        if np.hypot(*(near - b).T).min() < GOAL_CLEAR_M:
+            return False
+        share = np.clip((near - a) @ (b - a) / length_m**2, 0.0, 1.0)
+        return bool((np.hypot(*(near - a - share[:, None] * (b - a)).T) > WAY_CLEAR_M).all())
+
+    def facing(self, point: WallPoint) -> WallPoint:
+        """The point with the direction out of the mapped wall around it; as it is where the map shows no plain wall."""
+        normal_rad = self.normal_rad(point)
+        return point if normal_rad is None else WallPoint(point.x_m, point.y_m, normal_rad)
+
+    def normal_rad(self, point: WallPoint) -> float | None:
+        """Direction out of the mapped wall around a point, on its own side; None where there is no plain wall."""
+        near = self._near(np.array([point.x_m, point.y_m]), NEAR_M)
+        if len(near) < POINTS_MIN:
+            return None
+        (a, b), (_, d) = np.cov((near - near.mean(axis=0)).T)
+        across, along = np.linalg.eigvalsh([[a, b], [b, d]])
+        if across > STRAIGHT**2 * along:
+            return None
+        normal_rad = 0.5 * atan2(2 * b, a - d) + pi / 2
+        if cos(normal_rad - point.normal_rad) < 0:
+            normal_rad += pi
+        return wrap_angle(normal_rad)
+
+    def _near(self, middle: Points, reach_m: float) -> Points:
+        p = self._points
+        near: Points = p[np.hypot(p[:, 0] - middle[0], p[:, 1] - middle[1]) < reach_m]
+        return near

@@ -1,0 +1,236 @@
+"""What does a sign say? A part of a full frame in, the lines on it, and from them room number and room type, out.
+
+rapidocr finds and reads text; the rest judges: a number plate holds one number in the site's format, perhaps a room
+type, and nothing else of that size. Posters, directions to ranges of rooms, years and telephone numbers are more than
+that or stand beside more than that.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any
+
+import cv2
+import numpy as np
+
+from common.config import PoiSection
+from onboard.poi.camera.frame import Image
+
+DETECTION_SIDE_PX = 480
+CONFIDENT = 0.90
+LEGIBLE = 0.5
+NUMBER_HEIGHT_M = (0.018, 0.13)  # of the letters as measured, up to twice their own
+LETTER_HEIGHT = 1.6  # in widths, at most
+SAME_LINE = 0.5  # overlap along y, share of the smaller height
+WORD_GAP = 1.0  # between boxes of one line, in heights
+NEIGHBOUR_GAP = 1.6  # between lines of one sign, in heights of the higher one
+OPEN_GAP = 1.0  # to the border of the picture, in heights: enough to see that there is no neighbour
+SECONDARY = 0.8  # other lines of a plate are lower than this share of its number
+TYPE_LIKENESS = 0.75
+NUMBER_LETTERS_MAX = 12  # no room number has more, and a site's own pattern may take time that doubles with each
+# What OCR takes for one another: where the format wants a digit, and only there
+_DIGIT_FOR = str.maketrans({"O": "0", "Q": "0", "D": "0", "I": "1", "L": "1", "|": "1", "Z": "2", "S": "5", "B": "8"})
+_SEPARATORS = re.compile(r"[\s.\-·:_]")
+
+
+@dataclass(frozen=True, slots=True)
+class TextLine:
+    """One line of text: where it stands in the picture (pixels) and how sure the reading is (0 to 1)."""
+
+    text: str
+    confidence: float
+    x_px: float
+    y_px: float
+    width_px: float
+    height_px: float
+
+    @property
+    def right_px(self) -> float:
+        return self.x_px + self.width_px
+
+    @property
+    def bottom_px(self) -> float:
+        return self.y_px + self.height_px
+
+    @property
+    def letter_px(self) -> float:
+        """Height of its letters: the box may reach as far as the rim of the plate, and letters are not so narrow."""
+        return min(self.height_px, LETTER_HEIGHT * self.width_px / max(len(self.text), 1))
+
+
+class Verdict(Enum):
+    PLATE = "plate"
+    UNCLEAR = "unclear"  # a plate by its looks, but not legible; worth another photo
+    OTHER = "other"  # a poster, a direction, a notice
+
+
+@dataclass(frozen=True, slots=True)
+class SignReading:
+    """One sign; `box` x, y, width, height in pixels of the picture that was read."""
+
+    verdict: Verdict
+    number: str
+    room_type: str
+    confidence: float
+    box: tuple[float, float, float, float]
+    lines: tuple[str, ...]
+
+
+class SignReader:
+    """rapidocr with its bundled models, one thread, so that it repeats to the bit. Loading takes about a second."""
+
+    def __init__(self, detection_side_px: int = DETECTION_SIDE_PX) -> None:
+        from rapidocr import RapidOCR  # here: a process without camera need not have it
+
+        cv2.setNumThreads(1)
+        self._ocr: Any = RapidOCR(
+            params={
+                "Global.log_level": "critical",
+                "Det.limit_side_len": detection_side_px,
+                "Det.limit_type": "max",
+                "EngineConfig.onnxruntime.intra_op_num_threads": 1,
+                "EngineConfig.onnxruntime.inter_op_num_threads": 1,
+            }
+        )
+
+    def lines(self, image: Image) -> list[TextLine]:
+        """All text in a picture, boxes on one line joined, from top to bottom."""
+        result = self._ocr(image, use_cls=False)
+        if result.txts is None:
+            return []
+        lines = []
+        for text, score, corners in zip(result.txts, result.scores, result.boxes, strict=True):
+            (x0, y0), (x1, y1) = np.min(corners, axis=0), np.max(corners, axis=0)
+            lines.append(TextLine(text.strip(), float(score), float(x0), float(y0), float(x1 - x0), float(y1 - y0)))
+        return joined_lines(lines)
+
+
+def joined_lines(boxes: Sequence[TextLine]) -> list[TextLine]:
+    """Boxes that stand side by side become one line, its words parted by spaces; from top to bottom."""
+    lines: list[TextLine] = []
+    for box in sorted(boxes, key=lambda b: b.x_px):
+        for i, line in enumerate(lines):
+            lower = min(line.height_px, box.height_px)
+            overlap = min(line.bottom_px, box.bottom_px) - max(line.y_px, box.y_px)
+            if overlap > SAME_LINE * lower and box.x_px - line.right_px < WORD_GAP * lower:
+                top, bottom = min(line.y_px, box.y_px), max(line.bottom_px, box.bottom_px)
+                lines[i] = TextLine(
+                    f"{line.text} {box.text}",
+                    min(line.confidence, box.confidence),
+                    line.x_px,
+                    top,
+                    max(line.right_px, box.right_px) - line.x_px,
+                    bottom - top,
+                )
+                break
+        else:
+            lines.append(box)
+    return sorted(lines, key=lambda line: line.y_px)
+
+
+def signs(lines: Sequence[TextLine]) -> list[list[TextLine]]:
+    """Lines that stand together, above or below one another, sign by sign."""
+    groups: list[list[TextLine]] = []
+    for line in lines:
+        near = [g for g in groups if any(_neighbours(line, other) for other in g)]
+        merged = [line, *(other for g in near for other in g)]
+        groups = [g for g in groups if g not in near] + [merged]
+    return [sorted(group, key=lambda line: line.y_px) for group in groups]
+
+
+@dataclass(frozen=True, slots=True)
+class SignRules:
+    """The site's own: format of its room numbers, and the room types that it writes on plates."""
+
+    number: re.Pattern[str]
+    room_types: tuple[str, ...]
+
+    def judge(
+        self, lines: Sequence[TextLine], m_per_px: float | None = None, image_height_px: float | None = None
+    ) -> SignReading:
+        """One sign, from its lines; `m_per_px` is the scale on the wall, where it is known.
+
+        `image_height_px` of a picture whose upper and lower border may hide more of the sign; None where it is whole.
+        """
+        numbers = [(line, number) for line in lines if (number := self.room_number(line.text))]
+        types = [(line, kind) for line in lines if (kind := self.room_type(line.text))]
+        named = [line for line, _ in numbers + types]
+        others = [line for line in lines if line not in named and line.confidence > LEGIBLE]
+        x0, y0 = min(line.x_px for line in lines), min(line.y_px for line in lines)
+        x1, y1 = max(line.right_px for line in lines), max(line.bottom_px for line in lines)
+        reading = SignReading(
+            Verdict.OTHER, "", "", 0.0, (x0, y0, x1 - x0, y1 - y0), tuple(line.text for line in lines)
+        )
+        if len(numbers) != 1:
+            vague = not numbers and len(lines) <= 2 and not _is_prose(lines) and bool(types or _digits(lines))
+            return replace(reading, verdict=Verdict.UNCLEAR if vague else Verdict.OTHER)
+        line, number = numbers[0]
+        sized = m_per_px is None or NUMBER_HEIGHT_M[0] <= line.letter_px * m_per_px <= NUMBER_HEIGHT_M[1]
+        if not sized or any(other.height_px > SECONDARY * line.height_px for other in others):
+            return reading
+        # A neighbouring line may hide behind the picture's border
+        reach_px = OPEN_GAP * line.letter_px
+        cut = image_height_px is not None and (y0 < reach_px or y1 > image_height_px - reach_px)
+        if cut or line.confidence < CONFIDENT:
+            return replace(reading, verdict=Verdict.UNCLEAR)
+        return replace(
+            reading,
+            verdict=Verdict.PLATE,
+            number=number,
+            room_type=types[0][1] if types else "",
+            confidence=line.confidence,
+        )
+
+    def room_number(self, text: str) -> str:
+        """The number in its normal form, empty when the text is none."""
+        plain = text.upper()
+        if re.search(r"\d\s*[-–~/]\s*\d", plain) or ":" in plain:
+            return ""  # a range, a date or a time
+        plain = _SEPARATORS.sub("", plain)
+        if len(plain) > NUMBER_LETTERS_MAX:
+            return ""
+        if self.number.fullmatch(plain):
+            return plain
+        if not any(c.isdigit() for c in plain):
+            return ""
+        for tail in (0, 1):  # a suffix keeps its letter
+            head = plain[: len(plain) - tail].translate(_DIGIT_FOR)
+            repaired = head + plain[len(plain) - tail :]
+            if self.number.fullmatch(repaired):
+                return repaired
+        return ""
+
+    def room_type(self, text: str) -> str:
+        """The nearest of the site's room types, empty when none is near."""
+        plain = " ".join(text.lower().split())
+        if len(plain) < 2 or any(c.isdigit() for c in plain):
+            return ""
+        known = {kind.lower(): kind for kind in self.room_types}
+        tight = {kind.replace(" ", ""): kind for kind in known}
+        match = difflib.get_close_matches(plain.replace(" ", ""), tight, n=1, cutoff=TYPE_LIKENESS)
+        return known[tight[match[0]]] if match else ""
+
+
+def sign_rules(section: PoiSection) -> SignRules:
+    """The site's rules as robot.toml gives them."""
+    return SignRules(re.compile(section.number_pattern), section.room_types)
+
+
+def _neighbours(a: TextLine, b: TextLine) -> bool:
+    gap_y = max(a.y_px, b.y_px) - min(a.bottom_px, b.bottom_px)
+    gap_x = max(a.x_px, b.x_px) - min(a.right_px, b.right_px)
+    reach = NEIGHBOUR_GAP * max(a.height_px, b.height_px)
+    return gap_y < reach and gap_x < reach
+
+
+def _is_prose(lines: Sequence[TextLine]) -> bool:
+    """More letters than a suffix or a cut room type has."""
+    return any(sum(c.isalpha() for c in line.text) > 3 and line.confidence > 0.9 for line in lines)
+
+
+def _digits(lines: Sequence[TextLine]) -> bool:
+    return any(c.isdigit() for line in lines for c in line.text)
