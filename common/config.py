@@ -18,7 +18,6 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from common.constants import (
     CAMERA_FIELD_OF_VIEW_RAD,
     ENCODER_TICKS_PER_TURN,
-    PLANNER_CLEARANCE_M,
     SONAR_BEARINGS_RAD,
     SONAR_COUNT,
     WHEEL_DIAMETER_M,
@@ -114,12 +113,6 @@ class CommSection:
 
 
 @dataclass(frozen=True, slots=True)
-class PlannerSection:
-    clearance_m: Annotated[float, Between(0.0, 2.0)] = PLANNER_CLEARANCE_M
-    """Kept between the robot's footprint and a wall."""
-
-
-@dataclass(frozen=True, slots=True)
 class VisualizerSection:
     host: Annotated[str, Form(rf"({_LABEL}\.)*{_LABEL}|[0-9A-Fa-f:.]*", "must be a name or an address")] = "127.0.0.1"
     """Address at which the page is served; "0.0.0.0" shows it to the whole network."""
@@ -157,7 +150,6 @@ class Config:
     wheels: WheelsSection = field(default_factory=WheelsSection)
     sonars: SonarsSection = field(default_factory=SonarsSection)
     comm: CommSection = field(default_factory=CommSection)
-    planner: PlannerSection = field(default_factory=PlannerSection)
     visualizer: VisualizerSection = field(default_factory=VisualizerSection)
     poi: PoiSection = field(default_factory=PoiSection)
 

@@ -57,7 +57,7 @@ def test_values_are_read_and_integers_serve_as_numbers() -> None:
         ("[wheels]\ndiameter_m = nan", "wheels.diameter_m must be between"),
         ("[sonars]\nbearings_deg = [0, 1, inf, 2, 3]", "sonars.bearings_deg[2] must be between -180 and 180"),
         ("[comm]\noutbox_limit_mb = 0", "comm.outbox_limit_mb must be between 1 and"),
-        ("[planner]\nclearance_m = -1", "planner.clearance_m must be between"),
+        ("[wheels]\ntrack_m = -1", "wheels.track_m must be between"),
         ('[bridge]\nserial_port = "a\\u0000b"', "bridge.serial_port must be one line of at most 1000 characters"),
         (f'[mesh]\nkeys = "{"x" * 2000}"', "mesh.keys must be one line of at most 1000 characters"),
         ('[mesh]\nrouter = "udp"', 'mesh.router must be "tcp/HOST:PORT"'),
