@@ -54,7 +54,7 @@ _ON_ROBOT, _ON_LAPTOP = ([name for name in names if name not in _LISTEN_ELSEWHER
 # several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
 # of these, and do not reach each other
 NEIGHBOURS = (_COMMANDS.format("bridge"), *_ON_ROBOT, "simulator", *_ON_LAPTOP, "local")
-_FIRST_HOST = 2  # 127.0.0.2 and so on; comm's router has 127.0.0.1
+PEER_HOSTS = tuple(f"127.0.0.{i}" for i in range(2, 2 + len(NEIGHBOURS)))  # the routers have 127.0.0.1
 _CLOSE_TIMEOUT_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -110,7 +110,7 @@ def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
     """A peer's, on loopback: it connects to the router and to the NEIGHBOURS before it."""
     router = config.mesh.laptop_router if on_laptop else config.mesh.router
     port = router.rpartition(":")[2]
-    addresses = {name: f"tcp/127.0.0.{_FIRST_HOST + i}:{port}" for i, name in enumerate(NEIGHBOURS)}
+    addresses = {name: f"tcp/{host}:{port}" for name, host in zip(NEIGHBOURS, PEER_HOSTS, strict=True)}
     own = addresses.get(session)
     before = NEIGHBOURS[: NEIGHBOURS.index(session)] if own else NEIGHBOURS
     there = [name for name in before if not on_laptop or name in access.ROLES["laptop"]]

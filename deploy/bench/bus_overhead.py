@@ -29,7 +29,7 @@ from common.messages import POSE, PoseEstimate
 from common.zenoh_bus import ZenohBus
 from common.zenoh_session import lease_s, main_channel, open_session
 from deploy.bench.machine import percentiles
-from deploy.local.mesh import free_port
+from deploy.local.ports import reserve_port
 
 LATENCY_PERIOD_S = 0.005
 LATENCY_COUNT = 200  # per round: short turns, so that a machine with other work to do is as busy for both
@@ -199,7 +199,7 @@ class Pair:
 def measure(rounds: int) -> dict[str, Figures]:
     """Both kinds by turns, so that what else the machine does meets both."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    configs = {kind: Config(mesh=MeshSection(f"tcp/127.0.0.1:{free_port()}")) for kind in ENDS}
+    configs = {kind: Config(mesh=MeshSection(f"tcp/127.0.0.1:{reserve_port()}")) for kind in ENDS}
     figures = {kind: Figures([], [], []) for kind in ENDS}
     with ExitStack() as routers:
         for config in configs.values():

@@ -12,7 +12,6 @@ import math
 import os
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import time
@@ -32,6 +31,7 @@ from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, RANGES, Odometry, Ranges, Topic
 from common.zenoh_bus import ZenohBus
 from deploy.bench.mapping_course import Course
+from deploy.local.ports import reserve_port
 from onboard.mmu.back_end.worker import ProcessWorker
 from onboard.mmu.mmu import MappingUnit
 
@@ -109,7 +109,7 @@ def memory_mb(pid: int) -> tuple[float, float]:
 
 def drive(marks_m: tuple[float, ...], pace: float) -> None:
     """Up to the last mark; prints a line at every one."""
-    mesh = replace(Config().mesh, router=f"tcp/127.0.0.1:{_free_port()}")  # where nobody is
+    mesh = replace(Config().mesh, router=f"tcp/127.0.0.1:{reserve_port()}")  # where nobody is
     out = ZenohBus("mmu", replace(Config(), mesh=mesh), FreeClock())
     unit = Drive(out)
     print(HEAD, flush=True)
@@ -194,13 +194,6 @@ def _own_command(*arguments: str) -> list[str]:
 def _run(command: list[str], **options: Any) -> subprocess.CompletedProcess[str]:
     environment = os.environ | PROCESS_ENVIRONMENT | {"PYTHONHASHSEED": "0"}
     return subprocess.run(command, check=True, env=environment, **options)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 def main() -> None:

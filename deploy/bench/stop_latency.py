@@ -22,7 +22,7 @@ from common.messages import PERMIT, POI, POSE, Operation, PointOfInterest
 from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
 from deploy.bench.relay import Relay
-from deploy.local.mesh import free_port
+from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES
 from deploy.local.supervisor import Supervisor
 from offboard.command_center.operations import Answer
@@ -93,7 +93,7 @@ class StopMesh:
     """Robot and laptop, the laptop behind the relay."""
 
     def __init__(self, folder: Path) -> None:
-        router, laptop_router = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+        router, laptop_router = (f"tcp/127.0.0.1:{reserve_port()}" for _ in range(2))
         serial = folder / "serial"
         self.robot = Config(mesh=MeshSection(router), bridge=BridgeSection(serial_port=str(serial)))
         self.relay = Relay(router, RATE_BYTES_S)

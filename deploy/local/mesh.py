@@ -7,33 +7,26 @@ record) in its `process` folder.
 from __future__ import annotations
 
 import importlib.util
-import json
 import logging
 import signal
-import socket
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, PoiSection, VisualizerSection, config_text, with_camera
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, Outcome, PlannerView
-from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
+from deploy.local.configuration import RunPaths, mesh_config, process_arguments
 from deploy.local.process_table import PROCESSES, SIMULATOR
+from deploy.local.report import summarise
 from deploy.local.supervisor import ProcessFailed, Supervisor
 from deploy.local.terminal_ui import Left, TerminalUi, has_terminal
-from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
-from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder
-from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
-from onboard.mmu.map.map_file import MAP_NAME
+from offboard.simulator.run.options import RunOptions, load_world, prepare_folder
 
 SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0
@@ -50,22 +43,6 @@ _log = logging.getLogger("local")
 
 class Interrupted(Exception):
     """Somebody wants the mesh to end before the mission does."""
-
-
-def free_port(usual: int | None = None) -> int:
-    """The usual port of the loopback interface where it is free, else any that is."""
-    for port in (0,) if usual is None else (usual, 0):
-        with socket.socket() as probe, suppress(OSError):
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(("127.0.0.1", port))
-            found: int = probe.getsockname()[1]
-            return found
-    raise StartError("The loopback interface has no free port: end some programs, then start again.")
-
-
-def usual_port() -> int:
-    """Of the router: so that `estop` and the others need no configuration."""
-    return int(MeshSection().router.rsplit(":", 1)[1])
 
 
 def run_local(options: RunOptions) -> int:
@@ -109,34 +86,16 @@ class LocalRun:
 
     def __init__(self, options: RunOptions, folder: Path, stop: threading.Event, console: logging.Handler) -> None:
         self._options = options
-        self._folder = folder
         self._stop = stop
-        self._work = folder / "process"
-        self._serial = self._work / "serial"
-        # A socket's path must be short, which a run folder's need not be
         self._socket_folder = tempfile.TemporaryDirectory(prefix="indoor-mapping-")
-        self._frames = Path(self._socket_folder.name) / "frames"
-        left_overs = (self._serial, self._work / MAP_NAME)
-        for left_over in (*left_overs, *self._work.glob(f"*{STEPS_SUFFIX}")):
-            left_over.unlink(missing_ok=True)
-        write_record(self._work / RECORD_NAME, StopRecord())  # a new robot, which nobody has stopped yet
-        # Headless runs go side by side, and between looking for a free port and taking it another could take it
-        router, page = (None, None) if options.headless else (usual_port(), VisualizerSection().port)
-        self._config = Config(
-            mesh=MeshSection(f"tcp/127.0.0.1:{free_port(router)}", f"tcp/127.0.0.1:{free_port()}"),
-            bridge=BridgeSection(serial_port=str(self._serial)),
-            visualizer=VisualizerSection(port=free_port(page)),
-            poi=PoiSection(source=f"unix:{self._frames}"),
-        )
-        if options.camera != "off":
-            self._config = with_camera(self._config)
-        self._config_file = self._work / "robot.toml"
-        self._config_file.write_text(config_text(self._config), encoding="utf-8")
-        self._supervisor = Supervisor(self._work)
+        self._paths = paths = RunPaths(folder, Path(self._socket_folder.name) / "frames")
+        paths.clear()
+        self._config = mesh_config(options, paths)
+        self._supervisor = Supervisor(paths.work)
         self._bus: ZenohBus | None = None
         self._started_wall_s = time.monotonic()
         self._began_s: float | None = None  # on the mission's clock
-        self._person_halted = False  # stopped or paused, and nobody has said since that the robot may go on
+        self._person_halted = False  # stopped or paused, and nobody has let the robot go on since
         self._outcome = Outcome.NONE  # of the mission, as the Planner published it last
         self._console = console
         self._screen: TerminalUi | None = None
@@ -148,7 +107,9 @@ class LocalRun:
         return 0 if self._outcome in (Outcome.FINISHED, Outcome.HOME) else 1
 
     def run(self) -> int:
-        print(f"Starting the robot on the floor {self._options.floor.stem}; run folder {self._folder}", flush=True)
+        print(
+            f"Starting the robot on the floor {self._options.floor.stem}; run folder {self._paths.folder}", flush=True
+        )
         self._start_processes()
         # Under a name of its own: the token of the command center is the Command Center's
         self._bus = bus = ZenohBus("local", self._config, FreeClock())
@@ -162,7 +123,7 @@ class LocalRun:
         elif has_terminal():
             self._open_screen()
         else:
-            print(f"Start the mission with: indoor-mapping start --config {self._config_file}", flush=True)
+            print(f"Start the mission with: indoor-mapping start --config {self._paths.config}", flush=True)
         try:
             self._await_finish(bus)
         finally:
@@ -171,7 +132,7 @@ class LocalRun:
             self._close_screen()
             self._end_in_order()
             if view is not None and self._began_s is not None:
-                self._summarise(view)
+                self._summarise(view, self._began_s)
         return self.exit_code
 
     def close(self) -> None:
@@ -190,24 +151,11 @@ class LocalRun:
         for name, package in PROCESSES.items():
             if name not in absent:
                 self._supervisor.start(name, package, self._arguments(name), restart=name != SIMULATOR)
-        self._until(self._serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
+        self._until(self._paths.serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
         self._supervisor.start("bridge", PROCESSES["bridge"], self._arguments("bridge"))
 
     def _arguments(self, name: str) -> list[str]:
-        options = self._options
-        arguments = ["--config", str(self._config_file), "--log-dir", str(self._work)]
-        if options.speed != 1.0:
-            arguments += ["--clock", "shared"]
-        if name in ("recorder", "visualizer"):
-            arguments += ["--run-dir", str(self._folder)]
-        if name == SIMULATOR:
-            arguments += ["--floor", str(options.floor.resolve()), "--start", str(options.start)]
-            arguments += ["--seed", str(options.seed), "--errors", options.errors, "--speed", str(options.speed)]
-            arguments += ["--camera", options.camera, "--frames", str(self._frames)]
-            arguments += ["--run-dir", str(self._folder)]
-            if options.events is not None:
-                arguments += ["--events", str(options.events.resolve())]
-        return arguments
+        return process_arguments(name, self._options, self._paths)
 
     def _until(self, condition: Callable[[], bool], timeout_s: float, complaint: Callable[[], str]) -> None:
         deadline_s = time.monotonic() + timeout_s
@@ -226,7 +174,7 @@ class LocalRun:
         def complaint() -> str:
             permit = bus.latest(PERMIT)
             reason = permit.reason if permit is not None else "comm is silent"
-            return f"The modules did not become ready: {reason}; their logs are in {self._work}."
+            return f"The modules did not become ready: {reason}; their logs are in {self._paths.work}."
 
         self._until(ready, STARTUP_GRACE_S, complaint)
 
@@ -251,7 +199,14 @@ class LocalRun:
         """From here on the terminal is the Command Center's; the mesh ends when a person says so."""
         self._ends_with_mission = False
         self._console.setLevel(logging.CRITICAL + 1)
-        arguments = ["--config", str(self._config_file), "--log-dir", str(self._work), "--run-dir", str(self._folder)]
+        arguments = [
+            "--config",
+            str(self._paths.config),
+            "--log-dir",
+            str(self._paths.work),
+            "--run-dir",
+            str(self._paths.folder),
+        ]
         self._screen = TerminalUi(arguments)
 
     def _close_screen(self) -> None:
@@ -268,8 +223,8 @@ class LocalRun:
         self._close_screen()
         if left is Left.END:
             raise Interrupted
-        why = "" if left is Left.KEEP else f"The Command Center ended by itself; its log is in {self._work}. "
-        reopen = f"indoor-mapping command-center --config {self._config_file}"
+        why = "" if left is Left.KEEP else f"The Command Center ended by itself; its log is in {self._paths.work}. "
+        reopen = f"indoor-mapping command-center --config {self._paths.config}"
         print(f"{why}The mesh goes on; Ctrl-C ends it. To look at it again: {reopen}", flush=True)
 
     def _await_finish(self, bus: ZenohBus) -> None:
@@ -333,44 +288,9 @@ class LocalRun:
         self._supervisor.end("simulator", END_TIMEOUT_S)
         self._supervisor.end_all(END_TIMEOUT_S)
 
-    def _summarise(self, view: PlannerView) -> None:
-        options = self._options
-        facts = RunFacts(
-            floor=options.floor.stem,
-            seed=options.seed,
-            start=options.start,
-            options=options.as_dict(),
-            outcome=view.outcome,
-            reason=view.detail if view.outcome.ends_mission else f"ended while {view.detail}",
-            simulated_time_s=round(view.t_s - (self._began_s or view.t_s), 3),
-            wall_time_s=round(time.monotonic() - self._started_wall_s, 3),
-            steps=read_steps(self._work),
-        )
+    def _summarise(self, view: PlannerView, began_s: float) -> None:
+        folder, wall_s = self._paths.folder, time.monotonic() - self._started_wall_s
         try:
-            summary = write_summary(self._folder, facts, floor_json(options))
+            print(summarise(folder, self._paths.work, self._options, view, began_s, wall_s), flush=True)
         except OSError as error:
-            raise ProcessFailed(f"The summary cannot be written to {self._folder}: {error.strerror}.", 1) from error
-        print(closing_line(summary, self._folder), flush=True)
-
-
-def read_steps(folder: Path) -> dict[str, StepTimes]:
-    """What each process said at its end of how long its steps took; who was killed said nothing."""
-    steps = {}
-    for file in sorted(folder.glob(f"*{STEPS_SUFFIX}")):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            figures = json.loads(file.read_text(encoding="utf-8"))
-            times = StepTimes(figures["mean_ms"], figures["p99_ms"], figures["max_ms"])
-            steps[file.name.removesuffix(STEPS_SUFFIX)] = times
-    return steps
-
-
-def closing_line(summary: Mapping[str, Any], folder: Path) -> str:
-    """The figures that people look at first, and where the rest stands."""
-    simulated_s, wall_s = summary["simulated_time_s"], summary["wall_time_s"]
-    figures = [
-        f"{name} {summary[name]:.3f}"
-        for name in ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m")
-        if isinstance(summary.get(name), float)
-    ]
-    times = f"{simulated_s:.0f} s of mission in {wall_s:.0f} s"
-    return f"{', '.join([times, *figures])}\nRun folder {folder}"
+            raise ProcessFailed(f"The summary cannot be written to {folder}: {error.strerror}.", 1) from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -20,21 +19,15 @@ from common.config import BridgeSection, Config, MeshSection, config_text
 from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, PERMIT, Permit
 from common.zenoh_bus import ZenohBus
+from deploy.local.ports import reserve_port
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 
 ROOT = Path(__file__).resolve().parents[2]
 STAND_IN = Path(__file__).with_name("stand_in.py")
 
 
-def free_port(host: str = "127.0.0.1") -> int:
-    with socket.socket() as probe:
-        probe.bind((host, 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
 def free_endpoint(host: str = "127.0.0.1") -> str:
-    return f"tcp/{host}:{free_port(host)}"
+    return f"tcp/{host}:{reserve_port()}"
 
 
 def until(condition: Callable[[], object], deadline_s: float = 10.0, what: object = "the condition") -> None:

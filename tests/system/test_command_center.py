@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,11 @@ from typing import Any
 import pytest
 
 from common.clock import FreeClock
-from common.config import Config, load_config
+from common.config import Config, RobotSection, load_config
+from common.errors import StartError
 from common.messages import AT_ONCE, CARRIER, ODOMETRY, STATUS, TOPICS, Operation, QosProfile, Status, Topic
 from common.zenoh_bus import ZenohBus
+from deploy.local.ports import refuse_second_mesh
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Look
 from tests.system.center import Center
@@ -172,6 +175,15 @@ class Terminal:
     def ended(self) -> bool:
         self.shows("")
         return os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+
+
+def test_a_second_local_of_the_same_robot_is_refused_in_one_sentence(mesh: Mesh, tmp_path: Path) -> None:
+    mesh.start("comm", "-m", "onboard.comm")
+    until(lambda: "comm" in mesh.bus.alive_tokens(), 20.0, "the first mesh")
+    with pytest.raises(StartError, match=r"A mesh of robot1 runs already at .*comm.*--headless"):
+        refuse_second_mesh(mesh.config)
+    elsewhere = replace(mesh.config, robot=RobotSection("robot2"))
+    refuse_second_mesh(elsewhere)
 
 
 def test_local_opens_it_in_its_terminal_and_leaving_ends_the_mesh_when_asked_to(tmp_path: Path) -> None:

@@ -21,9 +21,10 @@ import pytest
 
 from common.config import PoiSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, POSE, STATUS, Operation, OperatorCommand
+from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES
 from offboard.simulator.run.options import FLOORS
-from tests.system.conftest import Mesh, free_port, until
+from tests.system.conftest import Mesh, until
 from tests.system.footprint import Footprints
 from tests.system.page import frames
 
@@ -40,7 +41,7 @@ def whole_mesh(mesh: Mesh) -> Iterator[Mesh]:
     """With camera, recorder and a page that somebody looks at; its mission has started."""
     with tempfile.TemporaryDirectory(prefix="indoor-mapping-") as folder:
         socket = Path(folder) / "frames"
-        visualizer, poi = VisualizerSection(port=free_port()), PoiSection(source=f"unix:{socket}")
+        visualizer, poi = VisualizerSection(port=reserve_port()), PoiSection(source=f"unix:{socket}")
         mesh.config = with_camera(replace(mesh.config, visualizer=visualizer, poi=poi))
         mesh.config_file.write_text(config_text(mesh.config), encoding="utf-8")
         run_dir = ("--run-dir", str(mesh.folder / "run"))

@@ -17,11 +17,12 @@ import pytest
 
 from common.config import CommSection, VisualizerSection, config_text, with_camera
 from common.messages import OPERATION, PLAN, STATUS, Operation, OperatorCommand
+from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES
 from offboard.simulator.run.options import FLOORS
 from offboard.simulator.run.process import MOTORS_NAME
 from tests.system.center import Center
-from tests.system.conftest import Mesh, free_port, until
+from tests.system.conftest import Mesh, until
 from tests.system.main_thread import hold_main_thread, let_go
 from tests.system.motors import STOPPED_WITHIN_S, MotorLog
 from tests.system.page import page_map
@@ -73,7 +74,7 @@ def test_a_link_that_loses_packets_and_then_is_late_leaves_no_hole_and_no_double
 
 def start_page(mesh: Mesh, radio: Radio, recording: Recording) -> int:
     """The visualizer on the laptop, where it joins the laptop's own router; returns its port."""
-    port = free_port()
+    port = reserve_port()
     laptop = replace(mesh.config.mesh, router=mesh.config.mesh.laptop_router)
     config = replace(mesh.config, mesh=laptop, visualizer=VisualizerSection(host="0.0.0.0", port=port))
     file = mesh.folder / "page.toml"

@@ -17,8 +17,9 @@ from common.clock import FreeClock
 from common.config import VisualizerSection, config_text
 from common.messages import MAP, POSE, STATUS, MapUpdate, PoseEstimate
 from common.zenoh_bus import ZenohBus
+from deploy.local.ports import reserve_port
 from offboard.runs import run_folder
-from tests.system.conftest import Mesh, free_port, until
+from tests.system.conftest import Mesh, until
 from tests.system.page import frames
 
 pytestmark = pytest.mark.timeout(60)
@@ -30,7 +31,7 @@ DOOR: dict[str, Any] = {"poi_id": 4, "name": "Door", "x_m": 1.0, "y_m": 2.0, "nu
 
 @pytest.fixture
 def port(mesh: Mesh) -> int:
-    found = free_port()
+    found = reserve_port()
     config = dataclasses.replace(mesh.config, visualizer=VisualizerSection(port=found))
     mesh.config_file.write_text(config_text(config), encoding="utf-8")
     return found

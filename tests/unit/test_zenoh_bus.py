@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -35,15 +34,9 @@ from common.messages import (
 )
 from common.zenoh_bus import LOST_S, ZenohBus
 from common.zenoh_session import Channel, session_config
+from deploy.local.ports import reserve_port
 
 pytestmark = pytest.mark.timeout(30)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def until(condition: Callable[[], bool], deadline_s: float = 20.0) -> None:
@@ -58,7 +51,7 @@ Open = Callable[..., ZenohBus]
 
 @pytest.fixture
 def config() -> Config:
-    return Config(mesh=MeshSection(router=f"tcp/127.0.0.1:{free_port()}"))
+    return Config(mesh=MeshSection(router=f"tcp/127.0.0.1:{reserve_port()}"))
 
 
 @pytest.fixture

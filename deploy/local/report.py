@@ -1,0 +1,56 @@
+"""The summary of a local run, and the line that a person reads at its end."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from common.messages import PlannerView
+from common.process import STEPS_SUFFIX
+from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
+from offboard.simulator.run.options import RunOptions, floor_json
+
+
+def summarise(folder: Path, work: Path, options: RunOptions, view: PlannerView, began_s: float, wall_s: float) -> str:
+    """Writes summary.json; returns its closing line. `view`: the newest one; `began_s`: on the mission's clock.
+
+    Raises OSError.
+    """
+    facts = RunFacts(
+        floor=options.floor.stem,
+        seed=options.seed,
+        start=options.start,
+        options=options.as_dict(),
+        outcome=view.outcome,
+        reason=view.detail if view.outcome.ends_mission else f"ended while {view.detail}",
+        simulated_time_s=round(view.t_s - began_s, 3),
+        wall_time_s=round(wall_s, 3),
+        steps=read_steps(work),
+    )
+    return closing_line(write_summary(folder, facts, floor_json(options)), folder)
+
+
+def read_steps(folder: Path) -> dict[str, StepTimes]:
+    """What each process said at its end of how long its steps took; who was killed said nothing."""
+    steps = {}
+    for file in sorted(folder.glob(f"*{STEPS_SUFFIX}")):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            figures = json.loads(file.read_text(encoding="utf-8"))
+            times = StepTimes(figures["mean_ms"], figures["p99_ms"], figures["max_ms"])
+            steps[file.name.removesuffix(STEPS_SUFFIX)] = times
+    return steps
+
+
+def closing_line(summary: Mapping[str, Any], folder: Path) -> str:
+    """The figures that people look at first, and where the rest stands."""
+    simulated_s, wall_s = summary["simulated_time_s"], summary["wall_time_s"]
+    figures = [
+        f"{name} {summary[name]:.3f}"
+        for name in ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m")
+        if isinstance(summary.get(name), float)
+    ]
+    times = f"{simulated_s:.0f} s of mission in {wall_s:.0f} s"
+    return f"{', '.join([times, *figures])}\nRun folder {folder}"
