@@ -1,6 +1,7 @@
-"""What goes wrong in the simulated robot: an `ErrorProfile` says how badly, `draw_run_errors` what one run gets.
+"""Errors of the simulated robot: `ErrorProfile` holds their distributions, `draw_run_errors` draws those of one run.
 
-Every cause draws from a random stream of its own, so that one cause never changes the numbers of another.
+Every cause draws from a random stream of its own, so that one cause never changes the numbers of another. The sizes are
+engineering guesses for a hobby robot with an MPU-6050 and MaxBotix sonars; no real robot has been measured.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class ErrorProfile:
-    """Standard deviations, rates and limits of every cause; zero means that it is absent."""
+    """Standard deviations, rates and limits of every cause; zero switches it off."""
 
     name: str
     # Geometry of the wheels, fixed for a run: what calibration leaves
@@ -40,7 +41,7 @@ class ErrorProfile:
     # Camera
     camera_exposure_s: float = 0.001
     camera_noise_sd: float = 0.0  # of 255
-    camera_brightness: float = 0.0  # slow change, share of the brightness
+    camera_brightness: float = 0.0  # amplitude of its sine, share of the brightness
     camera_loss: float = 0.0  # share of the frames
     # Serial line
     serial_bit_error_rate: float = 0.0
@@ -105,7 +106,7 @@ _STREAMS = ("run", "slip", "gyro", "sonar", "camera", "serial", "plates")
 
 @dataclass(frozen=True, slots=True)
 class RunErrors:
-    """What stays the same for a whole run."""
+    """Errors that stay the same for a whole run."""
 
     profile: ErrorProfile
     left_diameter_factor: float  # true over nominal

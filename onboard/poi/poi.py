@@ -1,7 +1,7 @@
 """Node `poi` on the Raspberry Pi: pose, echoes and camera in; one record per door, and requests for another photo, out.
 
 Reads POSE, RANGES, MAP and PERMIT, and frames from its source. Writes POI (an event when a door was read, or was passed
-without), RETAKE (to the planner), status and log. A latched stop ends the taking of photos until it is released.
+unread), RETAKE (to the planner), status and log. A latched stop ends the taking of photos until it is released.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from onboard.poi.signs.sign_reading import SignReader, sign_rules
 from onboard.poi.survey import Survey
 
 NO_FRAMES_S = 2.0
-TELL_PERIOD_S = 1.0
+RECORD_PERIOD_S = 1.0
 PASSED_M = 1.6  # from there on a door is out of view
 PASSED_S = 20.0
-MOVED_M = 0.04  # a record whose place changed less is not told again
+MOVED_M = 0.04  # a record whose place changed less is not published again
 SAME_RECORD_M = 0.6
-RETAKE_NEAR_M = 4.0  # it does not go further back than this
+RETAKE_NEAR_M = 4.0  # the robot does not drive further back than this
 DOOR, NAME_TAG = "Door", "Name Tag"
 
 
 def reader_of(section: PoiSection) -> Read:
-    """Loads the models: the function that reads one job."""
+    """Loads the models; returns the function that reads one job."""
     reader, rules = SignReader(), sign_rules(section)
     camera = CameraModel(*FULL_SIZE_PX, radians(section.field_of_view_deg))
     return lambda job: read(job, reader, rules, camera)
 
 
 @dataclass(slots=True)
-class _Told:
-    """A record as it was sent last."""
+class _Published:
+    """A record as it was published last."""
 
     poi_id: int
     point: WallPoint
@@ -68,8 +68,8 @@ class Poi:
         self._retake = Retake()
         self._photos_before = 0
         self._visits: list[WallPoint] = []
-        self._told: list[_Told] = []
-        self._tell_due_s = 0.0
+        self._published: list[_Published] = []
+        self._record_due_s = 0.0
         self._began_s: float | None = None
 
     def step(self, bus: Bus, now_s: float) -> None:
@@ -77,57 +77,57 @@ class Poi:
             self._began_s = now_s
         permit = bus.latest(PERMIT)
         stopped = permit is not None and bool(permit.stop_sources)
-        self._survey.listen(bus, now_s)
+        self._survey.receive(bus, now_s)
         if not stopped:
             self._survey.look(now_s, holding=self._retake.phase is Phase.HOLDING)
         pose = self._survey.history.newest
         if pose is not None and not stopped:
             self._go_on_with_retake(bus, now_s, pose)
-            if now_s >= self._tell_due_s:
-                self._tell_due_s = now_s + TELL_PERIOD_S
+            if now_s >= self._record_due_s:
+                self._record_due_s = now_s + RECORD_PERIOD_S
                 doors = self._survey.records.doors()
-                self._tell(bus, now_s, pose, doors)
-                self._ask_again(bus, now_s, pose, doors)
+                self._publish_records(bus, now_s, pose, doors)
+                self._request_retake(bus, now_s, pose, doors)
         self._report(bus, now_s, stopped)
 
     def close(self) -> None:
         self._survey.close()
 
-    def _tell(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
+    def _publish_records(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
         for door in doors:
-            # Until both edges were seen, where the middle is is a guess
+            # Until both edges were seen the middle of the door is a guess
             certain = door.state is State.READ and len(door.edges) == 2
             if not certain and not self._passed(door.centre, door.seen_s, pose, now_s):
                 continue
-            told = self._record_of(door)
+            last = self._record_of(door)
             sign = door.sign
             content = (door.state.value, sign.number if sign else "", sign.room_type if sign else "")
             quality = sign.photo_quality if sign else 0.0
-            if told is None:
-                told = _Told(len(self._told) + 1, door.centre, sign, ("", "", ""), -2.0)
-                self._told.append(told)
-            moved_m = told.point.distance_m(door.centre)
-            if content == told.content and moved_m < MOVED_M:
+            if last is None:
+                last = _Published(len(self._published) + 1, door.centre, sign, ("", "", ""), -2.0)
+                self._published.append(last)
+            moved_m = last.point.distance_m(door.centre)
+            if content == last.content and moved_m < MOVED_M:
                 continue
-            photo = sign.photo if sign is not None and quality > told.quality else b""
-            told.point, told.sign, told.content = door.centre, sign, content
-            told.quality = max(quality, told.quality)
-            bus.publish(POI, _record(door, told.poi_id, photo, now_s))
+            photo = sign.photo if sign is not None and quality > last.quality else b""
+            last.point, last.sign, last.content = door.centre, sign, content
+            last.quality = max(quality, last.quality)
+            bus.publish(POI, _record(door, last.poi_id, photo, now_s))
 
-    def _record_of(self, door: Door) -> _Told | None:
-        """The record that tells of this door: of its plate, or of this place."""
-        for told in self._told:
-            if door.sign is not None and told.sign is door.sign:
-                return told
-        nearest = min(self._told, key=lambda told: told.point.distance_m(door.centre), default=None)
+    def _record_of(self, door: Door) -> _Published | None:
+        """The record of this door: the one with its plate, else the nearest within SAME_RECORD_M."""
+        for record in self._published:
+            if door.sign is not None and record.sign is door.sign:
+                return record
+        nearest = min(self._published, key=lambda record: record.point.distance_m(door.centre), default=None)
         return nearest if nearest is not None and nearest.point.distance_m(door.centre) < SAME_RECORD_M else None
 
     def _passed(self, point: WallPoint, seen_s: float, pose: Pose2, now_s: float) -> bool:
         away_m = hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
         return self._retake.phase is Phase.IDLE and (away_m > PASSED_M or now_s - seen_s > PASSED_S)
 
-    def _ask_again(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
-        """Back to the nearest sign that was seen and could not be read, once it is out of view."""
+    def _request_retake(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
+        """Requests a drive back to the nearest sign that was observed and not read, once it is out of view."""
         if self._retake.phase is not Phase.IDLE or self._survey.turning or self._survey.worker.pending:
             return
         read_near = [door.centre for door in doors if door.state is State.READ]
@@ -141,7 +141,7 @@ class Poi:
                 and not any(spot.distance_m(centre) < PASSED_M for centre in read_near)
             ):
                 goal = pose_before(self._survey.map.facing(spot), sign.distance_m)
-                # What is near may be far away by the halls
+                # A place behind a wall is near in a straight line only
                 if self._survey.map.in_sight(pose, goal):
                     self._visits.append(spot)
                     self._retake, command = begin(goal, now_s)
@@ -161,7 +161,7 @@ class Poi:
             bus.publish(RETAKE, PoiRequest(now_s, command))
 
     def _report(self, bus: Bus, now_s: float, stopped: bool) -> None:
-        """Without frames the robot maps all the same: an error, and nothing to stop for."""
+        """Missing frames are an error and no reason to stop: the robot maps without them."""
         assert self._began_s is not None
         blind = now_s - max(self._survey.frame_seen_s, self._began_s) > NO_FRAMES_S and not stopped
         state = "STOPPED" if stopped else "BLIND" if blind else self._retake.phase.name
@@ -173,7 +173,7 @@ class Poi:
             state=state,
             error=ErrorCode.NO_FRAMES if blind else ErrorCode.OK,
             ready=self._survey.worker.ready,
-            detail=f"{len(self._told)} doors",
+            detail=f"{len(self._published)} doors",
         )
 
 

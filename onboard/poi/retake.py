@@ -1,4 +1,4 @@
-"""Another photo of a plate that could not be read (POI_MR_05): go there, hold, look, go on. A pure state machine.
+"""Another photo of a plate that could not be read (POI_MR_05): drive there, hold, take photos, continue. Pure.
 
 IDLE -> DRIVING (GOTO sent) -> HOLDING (STOP sent) -> IDLE (CONTINUE sent). A spot is visited at most VISITS_MAX times.
 """
@@ -38,7 +38,7 @@ class Retake:
 
 
 def pose_before(spot: WallPoint, distance_m: float) -> Pose2:
-    """Square to the wall, the camera's axis on the spot."""
+    """The pose square to the wall with the camera's axis on the spot, `distance_m` away within DISTANCE_M."""
     d = min(max(distance_m, DISTANCE_M[0]), DISTANCE_M[1])
     return Pose2(
         spot.x_m + d * cos(spot.normal_rad),
@@ -48,14 +48,14 @@ def pose_before(spot: WallPoint, distance_m: float) -> Pose2:
 
 
 def begin(goal: Pose2, now_s: float) -> tuple[Retake, PoiCommand]:
-    """The first state, and what to tell the planner."""
+    """The first state, and the command for the planner."""
     return Retake(Phase.DRIVING, goal, now_s), PoiCommand.GOTO
 
 
 def after(
     state: Retake, pose: Pose2, motion: tuple[float, float], photos: int, now_s: float
 ) -> tuple[Retake, PoiCommand | None]:
-    """The state now, and what to tell the planner.
+    """The state now, and the command for the planner; None where there is none.
 
     `motion` speed (m/s) and turning rate (rad/s), unsigned; `photos` were taken and read since the hold began.
     """

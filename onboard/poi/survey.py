@@ -1,8 +1,8 @@
-"""The eye of the POI module: poses, echoes and frames in, sightings of doors and readings of signs into the records.
+"""The perception of the POI module: poses, echoes and frames in, observations of doors and signs into the records.
 
 The cheap preview decides: where a door begins or ends, and whether something that may be a sign stands whole in the
-picture and is not settled yet. Only then a full frame is asked for, at most one per FULL_SPACING_M, and the part of it
-around the candidate goes to the worker. Nothing is looked at while the robot turns: blur, and no wall line.
+picture and is not settled yet. Only then it requests a full frame, at most one per FULL_SPACING_M, and sends the part
+around the candidate to the worker. Frames of a turning robot are skipped: they are blurred, and have no wall line.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ TURNING_RAD_S = 0.08
 FULL_SPACING_M = 0.12
 STANDING_SPACING_S = 0.4
 FRAME_AGE_MAX_S = 1.0
-POSE_WAIT_S = 0.25  # a frame waits so long for the pose after it
+POSE_WAIT_S = 0.25  # how long a frame waits for the pose after it
 JOBS_AT_ONCE = 3
-SKEW_MAX_RAD = 0.2  # between the wall that was heard and the one on the map
+SKEW_MAX_RAD = 0.2  # between the wall line of the echoes and the wall on the map
 PHOTO_QUALITY = 80
 
 
@@ -59,8 +59,8 @@ class Survey:
         self._last: Pose2 | None = None
         self._full_at_m, self._full_at_s = -inf, -inf
 
-    def listen(self, bus: Bus, now_s: float) -> None:
-        """Takes in poses, echoes and the map."""
+    def receive(self, bus: Bus, now_s: float) -> None:
+        """Takes poses, echoes and the map from the bus."""
         for update in bus.take(MAP):
             self.map.add(update)
         arrived_s = now_s - bus.age_s(POSE)
@@ -71,7 +71,7 @@ class Survey:
             self._add_echo(ranges)
 
     def look(self, now_s: float, holding: bool) -> None:
-        """One round over what the source has; `holding`: stand and take photos of what is in view."""
+        """Handles what source and worker have; `holding`: the robot stands and takes photos of what is in view."""
         preview = self._source.preview(now_s)
         if preview is not None:
             self.frame_seen_s = now_s
@@ -111,7 +111,7 @@ class Survey:
             self._walls.add(pose, ranges.range_m[SONAR_RIGHT])
 
     def _posed(self, frame: Frame, now_s: float) -> bool:
-        """The pose of its moment is known, or will not become better known."""
+        """The pose of its moment is known, or the frame has waited long enough for it."""
         return self.history.covers(frame.t_s) or now_s - frame.t_s > POSE_WAIT_S
 
     def _beside(self, frame: Frame) -> tuple[Pose2, WallLine] | None:
@@ -119,7 +119,7 @@ class Survey:
         wall = self._walls.wall(pose) if pose is not None else None
         if pose is None or wall is None:
             return None
-        # A robot that stands askew hears something else on its right than the wall it looks at
+        # The right sonar of a robot that stands askew may measure another wall than the camera sees
         foot = wall.foot(pose)
         mapped_rad = self.map.normal_rad(foot)
         if mapped_rad is None:
@@ -196,7 +196,7 @@ class Survey:
                     sign.photo, sign.photo_quality = jpeg(job.frame.image), quality
 
     def _quality(self, finding: Finding) -> float:
-        """Sharp, and not far from the middle of the picture."""
+        """Rank of a photo: sharp, and not far from the middle of the picture; larger is better."""
         aside = abs(finding.u_px / self._full_camera.width_px - 0.5)
         return finding.sharpness.gradient * (1.0 - aside)
 

@@ -1,4 +1,4 @@
-"""Edges of doors in a picture, their colours, and the records that sightings become."""
+"""Edges of doors in a picture, their colours, and the records that merge observations."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_door_has_a_left_and_a_right_edge() -> None:
     assert [(e.side, e.u_px) for e in edges] == [(Side.LEFT, 200.0), (Side.RIGHT, 500.0)]
 
 
-def test_slow_change_of_light_makes_no_door() -> None:
+def test_gradual_change_of_light_makes_no_door() -> None:
     lights = np.linspace(1.0, 0.6, 40)
     assert seen(DoorDetector(), *(picture(light=float(light)) for light in lights)) == []
 
@@ -86,9 +86,9 @@ def on_wall(x_m: float, y_m: float = 0.0) -> WallPoint:
     return WallPoint(x_m, y_m, pi / 2)
 
 
-def records_with_door(centre_m: float, sightings: int = 6, backed: bool = True) -> DoorRecords:
+def records_with_door(centre_m: float, observations: int = 6, backed: bool = True) -> DoorRecords:
     records = DoorRecords(lambda left, right: backed)
-    for i in range(sightings):
+    for i in range(observations):
         records.add_edge(Side.LEFT, on_wall(centre_m + 0.5 + 0.01 * (i % 2)), float(i))
         records.add_edge(Side.RIGHT, on_wall(centre_m - 0.5 + 0.01 * (i % 2)), float(i))
     return records
@@ -113,7 +113,7 @@ def test_door_with_its_plate_beside_it_is_one_record_at_the_doors_middle() -> No
     assert (door.sign.number, door.sign.room_type) == ("101", "Office")
 
 
-def test_one_reading_is_doubtful_and_two_that_agree_are_believed() -> None:
+def test_one_reading_is_doubtful_and_two_that_agree_are_accepted() -> None:
     records = records_with_door(3.0)
     records.add_sign(on_wall(3.0), 7.0, plate("101"))
     assert records.doors()[0].state is State.DOUBTFUL
@@ -138,8 +138,8 @@ def test_span_without_wall_behind_it_is_no_door() -> None:
     assert records_with_door(3.0, backed=False).doors() == []
 
 
-def test_door_that_was_hardly_seen_and_has_no_plate_is_not_told() -> None:
-    assert records_with_door(3.0, sightings=2).doors() == []
+def test_door_that_was_hardly_seen_and_has_no_plate_is_left_out() -> None:
+    assert records_with_door(3.0, observations=2).doors() == []
 
 
 def test_plate_goes_to_the_nearest_of_two_doors() -> None:

@@ -127,7 +127,7 @@ def test_folder_of_photos_is_a_camera(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("uri", ["/dev/video97", "no/such/folder", "picamera"])
-def test_camera_that_is_not_there_is_told_in_a_sentence(uri: str) -> None:
+def test_camera_that_is_not_there_is_reported_in_a_sentence(uri: str) -> None:
     with pytest.raises(StartError, match=r"[Cc]amera|photo"):
         open_source(uri)
 
@@ -182,7 +182,7 @@ def test_thread_reads_beside_the_loop_and_leaves_out_what_is_too_much() -> None:
     worker.close()
 
 
-def test_thread_that_cannot_load_its_models_says_so() -> None:
+def test_thread_that_cannot_load_its_models_raises() -> None:
     def load() -> Any:
         raise ValueError("no model")
 
@@ -260,7 +260,7 @@ def test_read_signs_goes_on_after_a_photo_that_it_cannot_read(
     assert "c empty.png is no picture" in complaints[1]
 
 
-def test_read_signs_without_a_photo_says_what_it_wants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_read_signs_without_a_photo_reports_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["read-signs", str(tmp_path / "none.jpg")]) == 2
     assert "There is no photo" in capsys.readouterr().err
 
@@ -290,7 +290,7 @@ def test_half_a_jpeg_is_no_photo(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert not config.exists()
 
 
-def test_calibrating_without_a_board_says_what_to_do() -> None:
+def test_calibrating_without_a_board_reports_what_to_do() -> None:
     with pytest.raises(StartError, match="No photo shows a chessboard"):
         field_of_view_deg([np.full((480, 640, 3), 200, np.uint8)], 9, 6)
 

@@ -1,4 +1,4 @@
-"""Node `poi` on a bus: what it tells, asks for and reports."""
+"""Node `poi` on a bus: its records, requests and status."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Wall:
 
 
 class Story:
-    """The node, its wall, and a drive past it. `reads` is what every photo of the plate says."""
+    """The node, its wall, and a drive past it. `reads` is the text on every photo of the plate."""
 
     def __init__(self, reads: list[SignReading]) -> None:
         self.wall, self.now_s = Wall(), 0.0
@@ -179,7 +179,7 @@ def test_plate_that_cannot_be_read_is_visited_again_and_photographed_standing() 
     assert [r.number for r in story.records.values() if r.state == "read"] == ["304"]
 
 
-def test_door_that_stays_unread_is_told_after_two_visits() -> None:
+def test_door_that_stays_unread_is_published_after_two_visits() -> None:
     story = Story([unclear()])
     story.drive_to(4.2)
     story.stand(95.0)

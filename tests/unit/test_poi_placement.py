@@ -100,7 +100,7 @@ def test_pose_at_a_frames_time_lies_between_its_neighbours() -> None:
     assert not history.covers(0.5)
 
 
-def test_clocks_of_two_boards_are_told_apart_by_their_offset() -> None:
+def test_clocks_of_two_boards_are_separated_by_their_offset() -> None:
     history = PoseHistory()
     for i in range(20):
         history.add(estimate(1000.0 + 0.1 * i, 0.016 * i), now_s=0.1 * i + (0.01 if i == 7 else 0.05))
@@ -137,7 +137,7 @@ def test_direction_of_the_map_replaces_a_skewed_one() -> None:
     assert walls.facing(WallPoint(9.0, 0.0, 0.4)).normal_rad == 0.4
 
 
-def test_way_through_a_wall_is_not_in_sight() -> None:
+def test_path_through_a_wall_is_not_in_sight() -> None:
     walls = wall_map([(x / 10, 0.0) for x in range(30)])
     assert not walls.in_sight(Pose2(1.0, 1.0, 0.0), Pose2(1.5, -1.0, 0.0))
     assert walls.in_sight(Pose2(1.0, 1.0, 0.0), Pose2(2.5, 1.0, 0.0))

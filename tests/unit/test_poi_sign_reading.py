@@ -20,7 +20,7 @@ from onboard.poi.camera.frame import Frame
 from onboard.poi.placement.wall_line import WallLine
 from onboard.poi.signs.reading_worker import Job, read
 from onboard.poi.signs.sign_detection import Box
-from onboard.poi.signs.sign_reading import SignReader, SignRules, TextLine, Verdict, joined_lines, signs
+from onboard.poi.signs.sign_reading import SignReader, SignRules, TextLine, Verdict, merged_lines, signs
 from tests.unit.poi_scenes import SIDES, floor_with_door, full_frame
 
 RULES = SignRules(re.compile(PoiSection().number_pattern), PoiSection().room_types)
@@ -105,15 +105,15 @@ def test_number_of_impossible_size_is_none() -> None:
     assert verdict("304", height_px=150.0) is Verdict.OTHER
 
 
-def test_boxes_on_one_line_are_joined_and_signs_are_parted() -> None:
+def test_boxes_on_one_line_are_merged_and_signs_are_parted() -> None:
     boxes = [
         TextLine("905", 0.9, 160.0, 102.0, 50.0, 30.0),
         TextLine("Call", 0.99, 100.0, 100.0, 50.0, 30.0),
         TextLine("304", 0.95, 600.0, 100.0, 60.0, 30.0),
     ]
-    joined = joined_lines(boxes)
-    assert sorted(line.text for line in joined) == ["304", "Call 905"]
-    assert len(signs(joined)) == 2
+    merged = merged_lines(boxes)
+    assert sorted(line.text for line in merged) == ["304", "Call 905"]
+    assert len(signs(merged)) == 2
 
 
 @given(st.text(max_size=12))

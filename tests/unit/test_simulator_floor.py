@@ -78,7 +78,7 @@ def test_a_good_floor_loads_with_the_corridor_on_the_left_of_every_wall() -> Non
     assert not contains(np.array(floor.holes[0]), left).any()
 
 
-def test_rings_may_run_either_way_and_repeat_their_first_corner() -> None:
+def test_rings_may_run_clockwise_or_not_and_repeat_their_first_corner() -> None:
     content = small_floor()
     for ring in (content["corridor"]["exterior"], content["corridor"]["holes"][0]):
         ring.reverse()
@@ -102,7 +102,7 @@ def change(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
     return apply
 
 
-BOW_TIE = [[0, 0], [8, 6], [8, 0], [0, 5]]
+CROSSED = [[0, 0], [8, 6], [8, 0], [0, 5]]
 BAD: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     (change("units", to="cm"), "units", '"m"'),
     (change("corridor", to=KeyError), "corridor", "missing"),
@@ -110,7 +110,7 @@ BAD: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     (change("corridor", "exterior", to=[[0, 0], [8, 0]]), "corridor.exterior", "open polygon"),
     (change("corridor", "exterior", to=[[0, 0], [8, 0], [0, 0], [8, 0]]), "corridor.exterior", "open polygon"),
     (change("corridor", "exterior", to=[[0, 0], [4, 0], [8, 0]]), "corridor.exterior", ""),
-    (change("corridor", "exterior", to=BOW_TIE), "corridor.exterior", "crosses itself"),
+    (change("corridor", "exterior", to=CROSSED), "corridor.exterior", "crosses itself"),
     (change("corridor", "exterior", to=[[0, 0], [8, 0], [8, float("nan")]]), "corridor.exterior", "corners"),
     (change("corridor", "holes", 0, 0, to=[-2, 2]), "corridor.holes[0]", "outside"),
     (change("corridor", "holes", 0, to=[[20, 20], [21, 20], [21, 21]]), "corridor.holes[0]", "outside"),

@@ -20,14 +20,14 @@ from tests.unit.test_simulator_world import RecordingBoard
 class TalkingBoard(RecordingBoard):
     def __init__(self) -> None:
         super().__init__()
-        self.heard = bytearray()
-        self.says = b""
+        self.received = bytearray()
+        self.to_send = b""
 
     def serial_write(self, data: bytes) -> None:
-        self.heard += data
+        self.received += data
 
     def serial_read(self) -> bytes:
-        data, self.says = self.says, b""
+        data, self.to_send = self.to_send, b""
         return data
 
 
@@ -35,19 +35,19 @@ def line_with(profile: ErrorProfile = PROFILES["none"]) -> tuple[SerialLine, Tal
     return SerialLine(profile, random_stream(1, "serial"), STEP_S), TalkingBoard()
 
 
-def test_bytes_travel_both_ways_at_115200_baud() -> None:
+def test_bytes_travel_in_both_directions_at_115200_baud() -> None:
     line, board = line_with()
     port = HostPort(line)
     message = bytes(range(256)) * 9
     port.write(message)
-    board.says = message
+    board.to_send = message
     received = b""
     for step in range(1, 41):
         line.exchange(board, step * 0.005)
         received += port.read()
         assert len(received) <= step * 57.6
     assert received == message
-    assert bytes(board.heard) == message
+    assert bytes(board.received) == message
     assert port.read() == b""
 
 
@@ -57,8 +57,8 @@ def test_bit_errors_come_as_often_as_declared() -> None:
     line.send(message)
     for step in range(1800):
         line.exchange(board, step * 0.005)
-    assert len(board.heard) == len(message)
-    flipped = sum(byte.bit_count() for byte in board.heard)
+    assert len(board.received) == len(message)
+    flipped = sum(byte.bit_count() for byte in board.received)
     assert flipped == pytest.approx(800, rel=0.15)
 
 
@@ -68,12 +68,12 @@ def test_a_stall_holds_bytes_back_and_loses_none() -> None:
     for step in range(1, 4000):
         line.send(b"x")
         line.exchange(board, step * 0.005)
-        waiting = step - len(board.heard)
+        waiting = step - len(board.received)
         longest = max(longest, waiting)
     assert 38 <= longest <= 200
     for step in range(4000, 4100):
         line.exchange(board, step * 0.005)
-    assert len(board.heard) == 3999
+    assert len(board.received) == 3999
 
 
 def test_a_process_talks_to_the_board_through_the_pty(tmp_path: Path) -> None:
@@ -85,16 +85,16 @@ def test_a_process_talks_to_the_board_through_the_pty(tmp_path: Path) -> None:
         message = bytes(range(256))
         with serial.Serial(str(link), 115200, timeout=0) as far_end:
             far_end.write(message)
-            board.says = message
+            board.to_send = message
             select.select([port._master], [], [], 5.0)
             received = b""
             for step in range(1, 20):
                 port.exchange(board, step * 0.005)
                 received += far_end.read(4096)
-        assert bytes(board.heard) == message
+        assert bytes(board.received) == message
         assert received == message
         # A bridge may go and another come; meanwhile bytes are lost, as on a wire
-        board.says = bytes(20_000)
+        board.to_send = bytes(20_000)
         for step in range(20, 500):
             port.exchange(board, step * 0.005)
         with serial.Serial(str(link), 115200, timeout=0) as far_end:
@@ -102,7 +102,7 @@ def test_a_process_talks_to_the_board_through_the_pty(tmp_path: Path) -> None:
             select.select([port._master], [], [], 5.0)
             for step in range(500, 510):
                 port.exchange(board, step * 0.005)
-        assert bytes(board.heard).endswith(b"again")
+        assert bytes(board.received).endswith(b"again")
     finally:
         port.close()
     assert not os.path.lexists(link)

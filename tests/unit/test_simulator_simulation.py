@@ -55,11 +55,11 @@ def test_the_real_firmware_speaks_over_the_line_and_a_run_repeats_to_the_bit() -
     spoken = []
     for board in boards:
         with Simulation(load_floor(LOOP), board, seed=7, errors="harsh") as simulation:
-            heard = b""
+            received = b""
             for step in range(1, 41):
                 simulation.advance(step * 0.1)
-                heard += simulation.port.read()
-            spoken.append(heard)
+                received += simulation.port.read()
+            spoken.append(received)
     assert b"_ODO," in spoken[0]
     assert b"_RNG," in spoken[0]
     assert spoken[0] == spoken[1]

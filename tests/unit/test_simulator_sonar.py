@@ -78,13 +78,13 @@ def test_a_jamb_answers_from_any_angle_but_only_from_near() -> None:
 def test_a_nearer_wall_hides_what_is_behind_it() -> None:
     walls = np.vstack([room(-30.0, -30.0, 4.0, 30.0), block(1.0, -3.0, 1.1, 3.0)])
     assert EchoModel(walls).first_echo_m(0.0, 0.0, 0.0) == pytest.approx(1.0)
-    # The screen is turned away so far that it sends nothing back, and still nothing behind it is heard
+    # The screen is turned away so far that it sends nothing back, and still nothing behind it gives an echo
     turned = np.array([[0.6, -2.0], [3.0, 2.0], [3.1, 1.9], [0.7, -2.1]])
     model = EchoModel(np.vstack([room(-30.0, -30.0, 4.0, 30.0), ring_segments(turned[::-1])]))
     assert model.first_echo_m(0.0, 0.0, radians(10.0)) != pytest.approx(4.0)
 
 
-def test_a_person_in_front_of_a_wall_is_heard_first() -> None:
+def test_a_person_in_front_of_a_wall_gives_the_first_echo() -> None:
     assert CORRIDOR.first_echo_m(0.0, 0.0, 0.0, people=[(1.5, 0.0, 0.25)]) == pytest.approx(1.25)
     assert CORRIDOR.first_echo_m(0.0, 0.0, 0.0, people=[(-1.5, 0.0, 0.25)]) == inf
     assert CORRIDOR.first_echo_m(0.0, 0.0, pi / 2, people=[(0.0, 0.8, 0.25)]) == pytest.approx(0.55)

@@ -1,4 +1,4 @@
-"""The simulated body: what motors, walls, errors and events do to it, and what the board is told."""
+"""The simulated body: what motors, walls, errors and events do to it, and what the board receives."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PWM_016_M_S = 114
 
 
 class RecordingBoard:
-    """Drives as it is told and remembers what it was told."""
+    """Drives as `drive` has it and records its inputs."""
 
     def __init__(self) -> None:
         self.drive = (0, 0, True)
@@ -176,7 +176,7 @@ def test_every_sonar_that_was_fired_sends_its_pulse() -> None:
     run(world, 0.4)
     side = 0.93 // 0.0254 * 147
     assert [(sonar, width) for _, sonar, width in board.echoes] == [(0, side), (4, side), (2, 37500)]
-    assert [told_us for told_us, *_ in board.echoes] == [100_000, 100_000, 200_000]
+    assert [at_us for at_us, *_ in board.echoes] == [100_000, 100_000, 200_000]
 
 
 def test_a_restarted_board_begins_its_clock_anew_and_the_world_goes_on() -> None:
@@ -223,7 +223,7 @@ def test_a_start_that_is_not_there_is_refused() -> None:
         World(hall(), 3, 1, NONE, RecordingBoard())
 
 
-def test_slip_of_a_wheel_grows_with_the_root_of_the_way() -> None:
+def test_slip_of_a_wheel_grows_with_the_root_of_the_distance() -> None:
     profile = replace(NONE, slip_sd_per_sqrt_m=0.03)
     slipped_m = []
     for seed in range(60):
@@ -252,7 +252,7 @@ def events_from(tmp_path: Path, content: Any, floor: Floor) -> Events:
     return load_events(file, floor)
 
 
-def test_a_person_walks_is_heard_stops_the_body_and_leaves(tmp_path: Path) -> None:
+def test_a_person_walks_gives_an_echo_stops_the_body_and_leaves(tmp_path: Path) -> None:
     content = {"people": [{"from_s": 1, "to_s": 30, "speed_m_s": 1.0, "waypoints": [[5, 1], [3, 1]]}]}
     floor = hall()
     world, board = world_with(floor, events=events_from(tmp_path, content, floor))

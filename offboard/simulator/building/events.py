@@ -7,9 +7,9 @@ Reads a JSON file; all lists may be missing:
      "opened":  [{"at_s": 40, "door": "204", "room": [[x, y], ...]}],
      "turned":  [{"from_s": 50, "to_s": 52, "angle_deg": 40}]}
 
-A person comes at `from_s`, walks along the way-points, stands at the last one and is gone at `to_s`. A hall is blocked
-by a barrier along a line. A door, named by its number, opens into a room, a polygon behind the wall. `turned`: a person
-turns the robot by hand, counter-clockwise for a positive angle; the wheels take no part in it.
+A person appears at `from_s`, walks along the waypoints, stands at the last one and disappears at `to_s`. A barrier
+blocks a hall along a line. A door, named by its number, opens into a room, a polygon behind the wall. A person turns
+the robot by hand, counter-clockwise for a positive angle; its wheels do not turn.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ _OPENING_BEHIND_M, _OPENING_FRONT_M = 0.60, 0.20
 
 
 class EventsError(StartError):
-    """This file is no usable list of events: one sentence names the file, the key and what is wrong with it."""
+    """A file that is no valid list of events; the message names file, key and fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Who walks about, as a cylinder."""
+    """A person, as a cylinder that walks along waypoints (x, y in metres)."""
 
     from_s: float
     to_s: float
@@ -46,7 +46,7 @@ class Person:
     waypoints: tuple[tuple[float, float], ...]
 
     def position(self, now_s: float) -> tuple[float, float] | None:
-        """Where the person is, None while absent."""
+        """(x, y) in metres; None while the person is absent."""
         if not self.from_s <= now_s < self.to_s:
             return None
         left_m = (now_s - self.from_s) * self.speed_m_s
@@ -60,7 +60,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Barrier:
-    """What blocks a hall for a while: BARRIER_THICKNESS_M thick along `line` (x0, y0, x1, y1 in metres)."""
+    """A barrier across a hall: BARRIER_THICKNESS_M thick along `line` (x0, y0, x1, y1 in metres)."""
 
     from_s: float
     to_s: float
@@ -96,7 +96,7 @@ class HandTurn:
 
 @dataclass(frozen=True, slots=True)
 class Events:
-    """All that happens on a floor, on the clock of the world (seconds since power-on)."""
+    """All events of a run, on the clock of the world (seconds since power-on)."""
 
     people: tuple[Person, ...] = ()
     barriers: tuple[Barrier, ...] = ()
@@ -104,12 +104,12 @@ class Events:
     turns: tuple[HandTurn, ...] = ()
 
     def change_times_s(self) -> list[float]:
-        """When the walls change, in order."""
+        """Times in seconds at which walls change, in order."""
         times = {t for barrier in self.barriers for t in (barrier.from_s, barrier.to_s) if t != inf}
         return sorted(times | {opened.at_s for opened in self.opened})
 
     def walls_at(self, floor: Floor, now_s: float) -> FloatArray:
-        """(N, 4): every wall there is at that time, each with the free space on its left."""
+        """(N, 4), metres: every wall that stands at that time, each with the free space on its left."""
         walls = wall_segments(floor)
         for opened in self.opened:
             if opened.at_s <= now_s:
@@ -127,7 +127,7 @@ class Events:
 
 
 def load_events(path: str | Path, floor: Floor) -> Events:
-    """The events in a JSON file; raises EventsError."""
+    """The events of a JSON file, whose doors must be doors of `floor`. Raises EventsError."""
     source = f"events file {path}"
     reader = Node(load_json(Path(path), source, EventsError), source, EventsError)
     return Events(

@@ -1,7 +1,7 @@
-"""A floor file -> `Floor`: the building as the simulated world, its sonars and its camera know it.
+"""A floor file -> `Floor`: the building that the simulated world, its sonars and its camera use.
 
-Reads JSON in the format of the project's own `floors/*.json`: lengths in metres, angles in degrees. What is there for
-scoring only (`halls`, `imageable`) is never read. Everything wrong with a file ends in a `FloorError`.
+Reads JSON in the format of the project's own `floors/*.json`: lengths in metres, angles in degrees. `halls` and
+`imageable`, which serve the evaluation only, are not read. Every fault of a file raises `FloorError`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from offboard.simulator.building.polygons import (
 )
 
 SIDE_MAX_M = 300.0
-CORNERS_MAX = 1000  # of all rings: each is held against each
+CORNERS_MAX = 1000  # of all rings: every edge is compared with every other
 DOOR_MAX_M = 10.0
 SIGN_MIN_M, SIGN_MAX_M = 0.01, 3.0
 OFF_WALL_MAX_M = 0.15
@@ -37,7 +37,7 @@ Ring = tuple[tuple[float, float], ...]
 
 
 class FloorError(StartError):
-    """This file is no usable floor: one sentence names the file, the key and what is wrong with it."""
+    """A file that is no valid floor; the message names file, key and fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Door:
 
 @dataclass(frozen=True, slots=True)
 class Poster:
-    """A distractor on a wall."""
+    """A poster on a wall, which poi must not take for a plate."""
 
     x_m: float
     y_m: float

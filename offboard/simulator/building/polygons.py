@@ -1,4 +1,4 @@
-"""Plane geometry of rings and wall segments: what `floor.py` checks a floor with and `events.py` alters it with.
+"""Plane geometry of rings and wall segments, for the checks of `floor.py` and the changes by `events.py`.
 
 A ring is an (N, 2) array of corners in metres, closed implicitly. Segments are (N, 4) rows x0, y0, x1, y1.
 """

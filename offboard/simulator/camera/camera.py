@@ -1,7 +1,7 @@
-"""The robot's camera in the simulated building: full frames and the small preview that Picamera2 gives beside them.
+"""The robot's camera in the simulated building: full frames, and the small preview that Picamera2 gives beside them.
 
-MuJoCo draws, this module adds what a real camera does: blur of the exposure from the true motion, noise, slow changes
-of brightness, lost frames. Without an OpenGL library there is no camera, and everything else runs without frames.
+MuJoCo renders; this module adds the faults of a real camera: motion blur from exposure and true motion, noise, gradual
+changes of brightness, lost frames. Without an OpenGL library everything else runs without frames.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _PROFILE_OF_MODE = {"clean": "none", "realistic": "realistic", "hard": "harsh"}
 
 
 class CameraUnavailable(RuntimeError):
-    """No picture can be drawn on this machine; one sentence says what to install."""
+    """This machine has no OpenGL library that renders; the message names what to install."""
 
 
 def open_gl_context(width_px: int, height_px: int) -> Any:
@@ -69,7 +69,7 @@ def open_gl_context(width_px: int, height_px: int) -> Any:
 
 
 class Camera:
-    """Draws what the camera on a world's robot sees. The world must have been built with a scenery."""
+    """Renders the view of the camera on a world's robot. The world must have been built with a scenery."""
 
     def __init__(self, world: World, mode: str) -> None:
         """`mode`: "clean", "realistic" or "hard". Raises CameraUnavailable."""
@@ -85,11 +85,11 @@ class Camera:
         self._renderer: Any = None
 
     def full(self) -> Image | None:
-        """A frame of 1280 x 960; None when it was lost."""
+        """(960, 1280, 3) blue green red; None when the frame was lost."""
         return self._capture(*FULL_SIZE_PX)
 
     def preview(self) -> Image | None:
-        """The same view in 640 x 480; None when it was lost."""
+        """The same view, (480, 640, 3); None when the frame was lost."""
         return self._capture(*PREVIEW_SIZE_PX)
 
     def close(self) -> None:
@@ -136,7 +136,7 @@ class Camera:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
 
     def _blurred(self, image: Image, width_px: int) -> Image:
-        """Blur along x over the way that the wall moved through the picture during the exposure."""
+        """Blur along x, as long as the wall's motion through the image during the exposure."""
         speed_m_s, yaw_rate_rad_s = self._world.true_motion
         pose = self._world.truth
         wall_m = self._world.echo_model.wall_ahead_m(pose.x_m, pose.y_m, pose.heading_rad - pi / 2)

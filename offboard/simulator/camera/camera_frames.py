@@ -8,7 +8,7 @@ from onboard.poi.camera.frame_source import PacedFrames
 
 
 class CameraFrames(PacedFrames):
-    """Draws in the step that asks."""
+    """Renders in the step that captures."""
 
     def __init__(self, camera: Camera) -> None:
         super().__init__()

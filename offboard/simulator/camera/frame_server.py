@@ -1,7 +1,7 @@
 """The simulated camera on a local socket, for a POI module that is a process of its own (`local`).
 
-The simulator draws in its own step and never waits: a preview every PREVIEW_PERIOD_S, a full frame in the step after a
-request. A thread per connection sends; what a slow receiver has not taken when the next preview is there is left out.
+The simulator renders in its own step and never waits: a preview every PREVIEW_PERIOD_S, a full frame in the step after
+a request. A thread per connection sends; frames that a late receiver has no room for are dropped.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class FrameServer:
         threading.Thread(target=self._accept, name="frame server", daemon=True).start()
 
     def step(self, now_s: float) -> None:
-        """Draws what is due, if anybody looks."""
+        """Renders what is due, if a receiver is connected."""
         link = self._link
         if link is None:
             return
@@ -66,19 +66,19 @@ class FrameServer:
                 return
             if self._link is not None:
                 self._link.close()
-            _log.info("camera=looked_at path=%s", self._path)
+            _log.info("camera=receiver_connected path=%s", self._path)
             self._wanted.clear()
             self._link = _Link(connection, self._wanted)
 
 
 class _Link:
-    """One receiver: a thread that sends frames, and one that hears requests."""
+    """One receiver: a thread that sends frames, and one that receives requests."""
 
     def __init__(self, connection: socket.socket, wanted: threading.Event) -> None:
         self._connection = connection
         self._wanted = wanted
         self._frames: queue.Queue[bytes | None] = queue.Queue(FRAMES_WAITING_MAX)
-        for run in (self._send, self._hear):
+        for run in (self._send, self._receive):
             threading.Thread(target=run, name="frames", daemon=True).start()
 
     def send(self, kind: bytes, t_s: float, image: Image | None) -> None:
@@ -97,7 +97,7 @@ class _Link:
             while (data := self._frames.get()) is not None:
                 self._connection.sendall(data)
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         with suppress(OSError):
             while data := self._connection.recv(64):
                 if REQUEST in data:

@@ -1,4 +1,4 @@
-"""Floor -> what only the camera sees: doors in frames, number plates, posters, floor and ceiling, as MJCF elements."""
+"""Floor -> MJCF elements that only the camera sees: doors in frames, number plates, posters, floor and ceiling."""
 
 from __future__ import annotations
 
@@ -94,11 +94,11 @@ def _door_xml(door: Door) -> str:
     frame = _darker(door.colour_rgb)
     across_m = door.width_m / 2 + _FRAME_WIDTH_M / 2
     lintel_m = door.height_m + _FRAME_WIDTH_M / 2
-    upright_m = (_FRAME_WIDTH_M, door.height_m, _FRAME_DEPTH_M)
+    post_m = (_FRAME_WIDTH_M, door.height_m, _FRAME_DEPTH_M)
     return (
         _panel_xml(door, 0.0, door.height_m / 2, (door.width_m, door.height_m, _DOOR_DEPTH_M), door.colour_rgb)
-        + _panel_xml(door, -across_m, door.height_m / 2, upright_m, frame)
-        + _panel_xml(door, across_m, door.height_m / 2, upright_m, frame)
+        + _panel_xml(door, -across_m, door.height_m / 2, post_m, frame)
+        + _panel_xml(door, across_m, door.height_m / 2, post_m, frame)
         + _panel_xml(door, 0.0, lintel_m, (door.width_m + 2 * _FRAME_WIDTH_M, _FRAME_WIDTH_M, _FRAME_DEPTH_M), frame)
         + _panel_xml(door, 0.4 * door.width_m, 1.05, (0.12, 0.02, _DOOR_DEPTH_M + 0.03), (150, 150, 150))
     )

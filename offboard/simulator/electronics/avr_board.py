@@ -1,7 +1,7 @@
 """The Arduino as the simulated world holds it, with the very binary that is flashed: in simavr, pin by pin.
 
 The same interface as `HostBoard`, several hundred times slower. simavr is under the GPL, so what links it stands apart
-in `arduino/simavr/`; a simulation loads it only when it is asked for (`simulate --board avr`).
+in `arduino/simavr/`; only `simulate --board avr` loads it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The Arduino as the simulated world holds it: pins and clock of one, the real firmware core of `arduino/` inside.
+"""The Arduino in the simulated world: its pins and its clock, with the real firmware core of `arduino/` inside.
 
-Simulated world -> `Board` (edges, echoes, IMU counts, switches) -> serial line -> bridge; motor outputs the other way.
+Simulated world -> `Board` (edges, echoes, IMU counts, switches) -> serial line -> bridge; motor outputs come back.
 `HostBoard` runs the core as compiled by this machine's g++; a twin that runs the AVR binary has the same interface.
 """
 
@@ -30,7 +30,7 @@ _FIRED_BY_MASK = tuple(tuple(i for i in range(SONAR_COUNT) if mask >> i & 1) for
 
 
 class FirmwareBuildError(RuntimeError):
-    """The host build of the firmware is not to be had; the sentence says what to do."""
+    """The firmware cannot be built on this machine; the message names what to install."""
 
 
 class ResetCause(IntEnum):
@@ -46,24 +46,28 @@ class Board(Protocol):
     def run(self, until_us: int) -> None:
         """Advance the firmware to that absolute time."""
 
-    def serial_write(self, data: bytes) -> None: ...
+    def serial_write(self, data: bytes) -> None:
+        """Bytes that the board's UART receives."""
 
-    def serial_read(self) -> bytes: ...
+    def serial_read(self) -> bytes:
+        """Every byte that the board's UART has sent since the last call."""
 
     def encoder_edges(self, left: int, right: int) -> None:
         """Signed quadrature edges since the last call, forward positive."""
 
     def echo(self, sonar: int, width_us: int) -> None:
-        """The pulse of sonar 0..4 (order of `SONAR_NAMES`), from now on; 37500 = nothing heard, 0 = none."""
+        """The pulse of sonar 0..4 (order of `SONAR_NAMES`), from now on; 37500 = no echo, 0 = no pulse."""
 
     def imu(self, ax: int, ay: int, az: int, gx: int, gy: int, gz: int) -> None:
         """What the MPU-6050 reads from now on: +-2 g, +-500 deg/s (65.5 counts per deg/s)."""
 
     def bumper(self, pressed: bool) -> None: ...
 
-    def cliff(self, left: bool, right: bool) -> None: ...
+    def cliff(self, left: bool, right: bool) -> None:
+        """True where the cliff sensor of that side sees no floor."""
 
-    def battery(self, mv: int) -> None: ...
+    def battery(self, mv: int) -> None:
+        """The battery's voltage in millivolts."""
 
     def stop_button(self, pressed: bool) -> None: ...
 
@@ -78,7 +82,10 @@ class Board(Protocol):
 
 
 def compile_library(library: Path, inputs: Sequence[Path], arguments: Sequence[str], complaint: str) -> Path:
-    """A shared library by g++, made anew when an input is newer; raises FirmwareBuildError with the complaint."""
+    """A shared library by g++, built again when an input is newer than it.
+
+    Returns its path; raises FirmwareBuildError, whose message begins with `complaint`.
+    """
     if library.exists() and library.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
         return library
     compiler = shutil.which("g++")
@@ -100,7 +107,7 @@ def compile_library(library: Path, inputs: Sequence[Path], arguments: Sequence[s
 
 
 def build_firmware() -> Path:
-    """The shared library of the firmware core, compiled when a source is newer; raises FirmwareBuildError."""
+    """The shared library of the firmware core, compiled again when a source is newer. Raises FirmwareBuildError."""
     sources = [*sorted((SKETCH / "src" / "core").glob("*.cpp")), HOST / "host_board.cpp"]
     inputs = sources + sorted((SKETCH / "src").rglob("*.h")) + sorted(HOST.glob("*.h"))
     arguments = [*FLAGS, *map(str, sources)]
@@ -108,7 +115,7 @@ def build_firmware() -> Path:
 
 
 def bind_board(library: ctypes.CDLL, prefix: str, outputs: type[ctypes.Structure]) -> None:
-    """Tells ctypes the types of the functions that every board's library has, named `<prefix>_...`."""
+    """Declares to ctypes the functions that every board's library has, named `<prefix>_...`."""
     pointer, number = ctypes.c_void_p, ctypes.c_int
     signatures: dict[str, tuple[list[Any], Any]] = {
         "free": ([pointer], None),
@@ -144,7 +151,7 @@ class NativeBoard:
             self._call["free"](self._board)
 
     def _hold(self, board: int) -> None:
-        """From now on this is the firmware."""
+        """Uses this firmware, a handle of the library, from now on."""
         self._board = board
         self._out: Any = self._call["outputs"](board).contents
         self._tx_address = ctypes.addressof(self._out) + type(self._out).tx.offset
@@ -177,7 +184,7 @@ class NativeBoard:
         self._imu(self._board, ax, ay, az, gx, gy, gz)
 
     def imu_unplug(self) -> None:
-        """The MPU-6050 answers no more; with the next `imu` it is back, as after power-on."""
+        """The MPU-6050 stops answering; the next call of `imu` brings it back in its state after power-on."""
         self._call["imu_unplug"](self._board)
 
     def bumper(self, pressed: bool) -> None:

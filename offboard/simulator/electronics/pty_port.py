@@ -1,4 +1,4 @@
-"""A pseudo-terminal as the far end of the board's serial line: a real bridge process opens a real serial port."""
+"""A pseudo-terminal at the bridge's end of the serial line: a real bridge process opens a real serial port."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _READ_BYTES = 4096
 
 
 class PtyPort:
-    """A serial line whose host end is a device file. Close it, or the link stays behind."""
+    """A serial line whose host end is a device file. `close` removes the link."""
 
     def __init__(self, line: SerialLine, link: Path | None = None) -> None:
-        """`link`: a fixed name for the device, made anew as a symbolic link; raises OSError when it cannot be made."""
+        """`link`: a fixed name for the device, a symbolic link that replaces an older one. Raises OSError."""
         self._line, self._link = line, link
-        # The simulator keeps the slave end open too: a bridge that comes and goes must not hang up the line
+        # The simulator keeps the slave end open too: when the last slave end closes, the master end reads EIO
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
@@ -41,7 +41,7 @@ class PtyPort:
         self._line.exchange(board, now_s)
         data = self._line.receive()
         if data:
-            # Nobody reads, the buffer is full: lost, as on a wire without handshake
+            # Where nobody reads the buffer is full and the bytes are lost, as on a wire without handshake
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, data)
 

@@ -1,7 +1,7 @@
 """The wire between the board's UART and the bridge: 115200 baud, with the bit errors and stalls of a profile.
 
-`SerialLine` is the wire, stepped by the world. `HostPort` is its far end inside the same program; `pty_port.PtyPort`
-gives the far end to another process.
+`SerialLine` is the wire; the world steps it. `HostPort` is its end at the bridge inside the same program;
+`pty_port.PtyPort` gives that end to another process.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from offboard.simulator.error_profiles import ErrorProfile
 
 BAUD = 115_200
 BITS_PER_BYTE = 10  # 8N1
-_BUFFER_BYTES = 4096  # what a USB serial driver keeps for a reader that is late; older bytes are lost
+_BUFFER_BYTES = 4096  # what a USB serial driver keeps for a late reader; older bytes are lost
 
 
 class SerialLine:
-    """Carries bytes both ways at the pace of the wire; `exchange` is called once for every step of the world."""
+    """Carries bytes in both directions at the baud rate; the world calls `exchange` once per step of `step_s`."""
 
     def __init__(self, profile: ErrorProfile, rng: Random, step_s: float) -> None:
         self._profile, self._rng = profile, rng
@@ -29,7 +29,7 @@ class SerialLine:
         self._next_stall_s = self._stall_spacing_s()
 
     def exchange(self, board: Board, now_s: float) -> None:
-        """Moves what the wire carries in one step."""
+        """Moves what the wire carries in one step that ends at `now_s`."""
         self._to_host.put(board.serial_read())
         if now_s >= self._next_stall_s:
             self._stalled_until_s = now_s + self._profile.serial_stall_s
@@ -44,7 +44,7 @@ class SerialLine:
             del self._arrived[:-_BUFFER_BYTES]
 
     def send(self, data: bytes) -> None:
-        """Bytes from the host, on their way to the board."""
+        """Bytes that the host sends to the board."""
         self._to_board.put(data)
 
     def receive(self) -> bytes:
@@ -74,7 +74,7 @@ class _Wire:
 
     def carry(self) -> bytes:
         if not self._waiting:
-            self._credit_bytes = 0.0  # a wire that was idle cannot hurry afterwards
+            self._credit_bytes = 0.0  # time that the wire was idle is not made up for
             return b""
         self._credit_bytes += self._bytes_per_step
         count = min(int(self._credit_bytes), len(self._waiting))

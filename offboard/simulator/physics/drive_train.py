@@ -1,6 +1,6 @@
-"""Motors and wheels of the simulated body: PWM -> rotation (what the encoders see) -> motion over the floor.
+"""Motors and wheels of the simulated body: PWM -> rotation (what the encoders measure) -> motion over the floor.
 
-Between the two stand the errors of a run: wheel diameters, track, slip and bumps.
+Rotation and motion differ by the errors of a run: wheel diameters, track, slip and bumps.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from offboard.simulator.error_profiles import RunErrors
 
 MOTOR_TIME_CONSTANT_S = 0.060
 DEAD_ZONE_PWM = 15
-FULL_SPEED_PWM = 200  # the wheel rolls at FULL_SPEED_M_S
+FULL_SPEED_PWM = 200  # at which the rim runs at FULL_SPEED_M_S
 FULL_SPEED_M_S = 0.30
 FRICTION_M_S2 = 2.0  # a free wheel at mapping speed stands after 80 ms
-SLIP_LENGTH_M = 0.25  # over which slip stays alike
+SLIP_LENGTH_M = 0.25  # correlation length of the slip
 BUMP_DURATION_S = 0.05
 
 _SPEED_PER_PWM_M_S = FULL_SPEED_M_S / (FULL_SPEED_PWM - DEAD_ZONE_PWM)
@@ -24,11 +24,11 @@ _STANDING_M_S = 1e-4
 
 
 class DriveTrain:
-    """Two DC motors with their wheels. Speeds of rotation are kept as rim speeds of a wheel of nominal diameter."""
+    """Two DC motors with their wheels. State: the rim speed (m/s) of each wheel as if it had the nominal diameter."""
 
     def __init__(self, errors: RunErrors, rng: Random, step_s: float) -> None:
         self._errors, self._profile, self._rng, self._step_s = errors, errors.profile, rng, step_s
-        self._approach = 1.0 - exp(-step_s / MOTOR_TIME_CONSTANT_S)
+        self._motor_response = 1.0 - exp(-step_s / MOTOR_TIME_CONSTANT_S)
         self._track_m = WHEEL_TRACK_M * errors.track_factor
         self._ticks_per_m = ENCODER_TICKS_PER_TURN / (pi * WHEEL_DIAMETER_M)
         # A random walk of the rolled distance, made smooth: a share of it that changes over SLIP_LENGTH_M
@@ -42,7 +42,7 @@ class DriveTrain:
         self._bump_left_s = 0.0
 
     def step(self, pwm_left: int, pwm_right: int, enabled: bool) -> tuple[float, float]:
-        """Drives for one step; returns the body's free speed (m/s) and yaw rate (rad/s)."""
+        """Drives for one step at PWM -255..255; returns speed (m/s) and yaw rate (rad/s) of an unblocked body."""
         left = self._wheel_speed(0, pwm_left, enabled, self._errors.left_diameter_factor)
         right = self._wheel_speed(1, pwm_right, enabled, self._errors.right_diameter_factor)
         yaw_rate_rad_s = (right - left) / self._track_m
@@ -61,7 +61,7 @@ class DriveTrain:
         rim_m_s = self._rim_m_s[wheel]
         if enabled:
             drive = max(abs(pwm) - DEAD_ZONE_PWM, 0) * _SPEED_PER_PWM_M_S
-            rim_m_s += self._approach * ((drive if pwm > 0 else -drive) - rim_m_s)
+            rim_m_s += self._motor_response * ((drive if pwm > 0 else -drive) - rim_m_s)
         else:
             loss_m_s = FRICTION_M_S2 * self._step_s
             rim_m_s = max(rim_m_s - loss_m_s, 0.0) if rim_m_s > 0.0 else min(rim_m_s + loss_m_s, 0.0)

@@ -1,6 +1,6 @@
-"""Floor -> MuJoCo model: walls that stop the robot, the robot on two slides and a hinge, people to run into.
+"""Floor -> MuJoCo model: walls that stop the robot, the robot on two slides and a hinge, people that it can hit.
 
-What only the camera sees (doors, plates, posters) comes from `scenery.py` as ready-made elements.
+Doors, plates and posters, which only the camera sees, come from `camera/scenery.py` as MJCF elements.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ def build_model(
 ) -> Any:
     """The MjModel of a floor, stepped `step_s` at a time.
 
-    `segments` (N, 4) in metres, each with the free space on its left; `people` name and radius_m of whoever walks
-    about; `open_doors` are left out. The joints x, y, heading of the robot are its pose in the floor's frame.
+    `segments` (N, 4) in metres, each with the free space on its left; `people`: name and radius_m of each;
+    `open_doors` are left out. The joints x, y, heading of the robot are its pose in the floor's frame.
     """
     walls = "".join(_wall_xml(segment) for segment in segments.tolist())
     persons = "".join(_person_xml(name, radius_m) for name, radius_m in people)

@@ -1,7 +1,7 @@
-"""The simulated building with the robot's body in it, joined to the firmware at its hardware layer.
+"""The simulated building and the robot's body in it, connected to the firmware at its hardware layer.
 
-Reads the board's outputs, moves the body in MuJoCo, writes what encoders, IMU, sonars and bumper would tell the board,
-then lets the firmware run: one `step()` is 5 ms. The true pose stays here: nothing of it reaches a module of the robot.
+Reads the board's outputs, moves the body in MuJoCo, writes the signals of encoders, IMU, sonars and bumper to the
+board, then runs the firmware: one `step()` is 5 ms. The true pose stays here: no module of the robot gets it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _TRUTH_STEPS = 20
 _PEOPLE_STEPS = 4
 _BUMPER_HALF_ANGLE_RAD = radians(60.0)
 _BATTERY_MV = 12_000
-_FAR_BELOW_M = -10.0
+_FAR_BELOW_M = -10.0  # where an absent person is kept
 
 
 class Line(Protocol):
-    """A serial line that carries bytes between the board's UART and whoever is at its far end."""
+    """A serial line that carries bytes between the board's UART and the bridge."""
 
     def exchange(self, board: Board, now_s: float) -> None: ...
 
@@ -82,7 +82,7 @@ class World:
         self.truth_log: list[tuple[float, float, float, float]] = []  # t_s, x_m, y_m, heading_rad at 10 Hz
         self._clearance_m = float("inf")
         self._rebuild()
-        self._tell_inputs()
+        self._write_inputs()
         self._record_truth()
 
     @property
@@ -137,17 +137,17 @@ class World:
             self._record_truth()
 
     def reset_board(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
-        """The board restarts here and now: its clock begins at 0, echoes under way are lost."""
+        """The board restarts here and now: its clock begins at 0, and echoes that have not arrived yet are lost."""
         self.board.reset(cause)
         self._power_on_us = self._steps * _STEP_US
-        self._tell_inputs()
+        self._write_inputs()
 
     def push_stop_button(self) -> None:
-        """Somebody pushes the button on the robot: it stays in, or comes out again."""
+        """A person pushes the stop button: it latches, or comes out again."""
         self._stop_button = not self._stop_button
         self.board.stop_button(self._stop_button)
 
-    def _tell_inputs(self) -> None:
+    def _write_inputs(self) -> None:
         self.board.battery(_BATTERY_MV)
         self.board.bumper(self._bumper)
         self.board.cliff(False, False)
@@ -155,7 +155,7 @@ class World:
         self._sample_imu()
 
     def _rebuild(self) -> None:
-        """Builds the model of the walls as they stand now; the body keeps its state."""
+        """Builds the model of the walls of this moment; the body keeps its state."""
         self._walls = self._events.walls_at(self.floor, self.time_s)
         self.echo_model = EchoModel(self._walls)
         people = [(f"person{i}", person.radius_m) for i, person in enumerate(self._events.people)]
@@ -200,7 +200,7 @@ class World:
             self._touch()
 
     def _touch(self) -> None:
-        """The bumper is a bow over the front of the robot."""
+        """Presses the bumper, a bow over the front of the robot, by the contacts of this step."""
         x_m, y_m, heading_rad = self._pose
         pressed = False
         for contact in self.data.contact[: self.data.ncon]:

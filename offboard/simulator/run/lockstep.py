@@ -1,7 +1,7 @@
 """`indoor-mapping simulate`: every node of the robot in one thread and one simulated time, as fast as the CPU allows.
 
-The same nodes as on the boards, joined by a `LocalMesh` in a fixed order; below them the same world, firmware and
-serial line as in `local`, without processes. A run repeats to the bit from its seed.
+The same nodes as on the boards, connected by a `LocalMesh` and stepped in a fixed order; below them the same world,
+firmware and serial line as in `local`, without processes. A run repeats to the bit from its seed.
 """
 
 from __future__ import annotations
@@ -59,12 +59,12 @@ class _Slot:
 
 
 class Lockstep:
-    """World and nodes of one run. `advance` runs 5 ms of everything."""
+    """World and nodes of one run. `advance` steps all of them by 5 ms."""
 
     def __init__(
         self, simulation: Simulation, nodes: list[Node], seed: int = 0, beside: Callable[[], None] = lambda: None
     ) -> None:
-        """`beside` is what runs in processes of its own on the robot; it counts to no node's steps."""
+        """`beside` does the work that has a process of its own on the robot; no node's step times contain it."""
         self.simulation, self._beside = simulation, beside
         self.mesh = LocalMesh(seed)
         self.operator = self.mesh.endpoint("command_center")
@@ -119,7 +119,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
         events=events,
     )
     config = Config()
-    # Without a recorder nobody would ever empty it
+    # Without a recorder nobody would ever acknowledge its messages
     outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     if simulation.camera is not None:
         config = with_camera(config)
@@ -163,7 +163,7 @@ def simulate(options: RunOptions) -> int:
         steps=steps,
     )
     summary = write_summary(folder, facts, floor_json(options))
-    _say(_closing_line(summary, robot, folder))
+    _print(_closing_line(summary, robot, folder))
     return 0 if outcome is Outcome.FINISHED else 1
 
 
@@ -177,17 +177,17 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
     if not robot.run_until(granted, limit_s=60.0):
         return None
     robot.operator.publish(OPERATION, OperatorCommand(robot.now_s, Operation.START))
-    said_s = began_s
+    printed_s = began_s
 
     def finished() -> bool:
-        nonlocal said_s
+        nonlocal printed_s
         view = robot.operator.latest(PLAN)
-        if view is not None and time.monotonic() - said_s > PROGRESS_S:
-            said_s = time.monotonic()
-            pace = robot.now_s / (said_s - began_s)
+        if view is not None and time.monotonic() - printed_s > PROGRESS_S:
+            printed_s = time.monotonic()
+            pace = robot.now_s / (printed_s - began_s)
             newest = permit.latest(PERMIT)
             standing = "" if newest is None or newest.granted else f", standing: {newest.reason}"
-            _say(
+            _print(
                 f"{robot.now_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, "
                 f"{view.detail}{standing}, {pace:.0f} times real time"
             )
@@ -214,6 +214,6 @@ def _closing_line(summary: dict[str, object], robot: Lockstep, folder: object) -
     )
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     sys.stdout.write(text + "\n")
     sys.stdout.flush()

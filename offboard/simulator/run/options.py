@@ -1,4 +1,4 @@
-"""What a person asks of a simulated run, checked: from the command line to `local`, `simulate` and the simulator."""
+"""The options of a simulated run, checked; `local`, `simulate` and the simulator take them."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def own_floors() -> list[str]:
     return sorted(path.stem for path in FLOORS.glob("*.json"))
 
 
-def floor_path(asked: str) -> Path:
+def floor_path(name: str) -> Path:
     """A file, or one of the project's own floors by its name; raises StartError."""
-    path = Path(asked)
+    path = Path(name)
     if path.is_file():
         return path
-    own = FLOORS / f"{asked}.json"
+    own = FLOORS / f"{name}.json"
     if own.is_file():
         return own
-    raise StartError(f"There is no floor file {asked}; the project's own floors are {', '.join(own_floors())}.")
+    raise StartError(f"There is no floor file {name}; the project's own floors are {', '.join(own_floors())}.")
 
 
 def load_world(options: RunOptions) -> tuple[Floor, Events]:

@@ -1,11 +1,11 @@
-"""Process "simulator": building, body and board in real time or as the one that leads the shared clock.
+"""Process "simulator": building, body and board, in real time or as leader of the shared clock.
 
 Steps the world up to `now_s`; its serial port is a device file beside robot.toml. Writes `truth.tum`, on the clock that
-all processes of the run share, and `motors.csv` beside its log: when the motors began and ceased to turn. Nothing goes
-over the bus: the modules must not know what is true.
+all processes of the run share, and `motors.csv` beside its log: when the motors began and ceased to turn. It publishes
+nothing: the modules must not know the true pose.
 
-What a person does at the robot comes as signals: SIGUSR1 pushes the stop button, which stays in until the next one;
-SIGUSR2 restarts the board, as most boards do when somebody opens their port.
+Signals act on the robot: SIGUSR1 pushes the stop button, which latches until the next one; SIGUSR2 restarts the board,
+as most boards do when a program opens their port.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from offboard.simulator.run.simulation import Simulation
 
 WRITE_PERIOD_S = 5.0
 MOTORS_NAME = "motors.csv"
-SLIP_S = 0.25  # a world that is later than this lets real time go instead of hurrying after it
+LAG_MAX_S = 0.25  # a world that lags more skips the time instead of catching up
 
 _log = logging.getLogger("simulator")
 
@@ -53,7 +53,7 @@ class MotorLog:
 
 
 class SimulatorNode:
-    """Node "simulator": the world on the clock of the run, and what is written of it."""
+    """Node "simulator": steps the world on the clock of the run and writes its files."""
 
     name = "simulator"
     period_s = 0.01
@@ -69,24 +69,24 @@ class SimulatorNode:
         self._frames = frames
         self._motors = MotorLog(motor_file) if motor_file is not None else None
         self._truth = LineFile(truth_file) if truth_file is not None else None
-        self._happenings: deque[Callable[[], None]] = deque()
+        self._actions: deque[Callable[[], None]] = deque()
         self._write_due_s = 0.0
         self._power_on_s: float | None = None  # on the shared clock
 
-    def between_steps(self, happening: Callable[[], None]) -> None:
-        """A signal comes at any moment, and the world must not change in the middle of its step."""
-        self._happenings.append(happening)
+    def between_steps(self, action: Callable[[], None]) -> None:
+        """Runs `action` before the next step: a signal arrives at any moment, also in the middle of a step."""
+        self._actions.append(action)
 
     def step(self, bus: Bus, now_s: float) -> None:
         world = self._simulation.world
-        while self._happenings:
-            self._happenings.popleft()()
+        while self._actions:
+            self._actions.popleft()()
         if self._power_on_s is None:
             self._power_on_s = now_s
         behind_s = now_s - self._power_on_s - world.time_s
-        if behind_s > SLIP_S:
+        if behind_s > LAG_MAX_S:
             self._power_on_s += behind_s - self.period_s
-            _log.warning("the world is too slow for real time slipped_s=%.3f", behind_s)
+            _log.warning("world=slower_than_real_time skipped_s=%.3f", behind_s)
         self._simulation.advance(now_s - self._power_on_s)
         if self._motors is not None:
             self._motors.note(now_s, *world.board.outputs())

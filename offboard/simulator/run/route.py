@@ -1,8 +1,8 @@
-"""A scripted drive along the centrelines of a floor, for mapping benchmarks: it stands in for the Planner.
+"""A scripted drive along the centrelines of a floor, for mapping benchmarks: it takes the place of the Planner.
 
-It knows the floor and the true pose, and only drives; of what it knows nothing reaches another module but drive
-commands. The way: every hall's middle at least once, the nearest one not yet driven first, then back to the start. Now
-and then it stands still for the gyro, as the Planner does.
+It knows the floor and the true pose; other modules receive drive commands from it and nothing else. The path: every
+hall's middle at least once, the nearest one not yet driven first, then back to the start. It stands still every few
+seconds for the zero-velocity update of the gyro, as the Planner does.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
 from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
 
 CELL_M = 0.1
-MIDDLE_WEIGHT = 6.0  # how much dearer a metre is close to a wall
+MIDDLE_WEIGHT = 6.0  # extra cost of a metre at a wall, in metres
 CLEARANCE_M = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M
-DRIVEN_M = 1.0  # a middle within this of the way is driven
-DRIVEN_SHARE = 1.5  # and, in a wide place, within so many times the way's own distance from the wall
+DRIVEN_M = 1.0  # a middle within this of the path is driven
+DRIVEN_SHARE = 1.5  # and, in a wide place, within so many times the path's own distance from the wall
 LOOK_AHEAD_M = 0.5
 ARRIVED_M = 0.15
-THEN_CELLS = 15  # further on of the way, to know the turn after this one
+THEN_CELLS = 15  # how far along the path the turn after this one is taken from
 VIEW_PERIOD_S = 0.5
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -52,7 +52,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class Middles:
-    """The corridor in cells of 10 cm: what can be driven, and where the middle of a hall is."""
+    """The corridor in cells of 10 cm: which cells the robot can drive on, and which are the middle of a hall."""
 
     def __init__(self, floor: Floor) -> None:
         rings = [np.array(ring, dtype=np.float64) for ring in (floor.exterior, *floor.holes)]
@@ -65,10 +65,10 @@ class Middles:
         self._node = np.full(free.shape, -1)
         self._node[self._open] = np.arange(int(self._open.sum()))
         self._places = np.argwhere(self._open)[:, ::-1] * CELL_M + self._low
-        self._graph = self._joined()
+        self._graph = self._neighbour_graph()
 
-    def _joined(self) -> csr_matrix:
-        """Neighbouring cells joined at the price of the way between them."""
+    def _neighbour_graph(self) -> csr_matrix:
+        """Neighbouring open cells as edges, weighted by the cost of driving between them."""
         price = 1.0 + MIDDLE_WEIGHT * np.exp(-self.clearance_m / 0.4)
         first, second, cost = [], [], []
         rows, columns = self._open.shape
@@ -94,13 +94,13 @@ class Middles:
             ridge |= (here > one) & (here > other)
         return ridge & self._open
 
-    def way(self, start: Points) -> Points:
-        """(N, 2) from `start` (2,) through all halls that can be reached, and back."""
+    def path(self, start: Points) -> Points:
+        """(N, 2) in metres, from `start` (2,) through all halls that can be reached, and back."""
         here = int(np.hypot(*(self._places - start).T).argmin())
         home = here
         left = self._ridge()[self._open]
         reach_m = np.maximum(DRIVEN_SHARE * self.clearance_m[self._open], DRIVEN_M)
-        way = [here]
+        path = [here]
         while True:
             costs, befores = dijkstra(self._graph, directed=False, indices=[here], return_predecessors=True)
             cost, before = costs[0], befores[0]
@@ -109,9 +109,9 @@ class Middles:
             leg = [goal]
             while leg[-1] != here:
                 leg.append(int(before[leg[-1]]))
-            way += leg[-2::-1]
+            path += leg[-2::-1]
             if not left.any():
-                places: Points = self._places[way]
+                places: Points = self._places[path]
                 return places
             for node in leg:
                 left &= np.hypot(*(self._places - self._places[node]).T) > reach_m[node]
@@ -120,7 +120,7 @@ class Middles:
 
 
 class RouteDriver:
-    """Node in the Planner's place. `true_pose` is the simulation's own knowledge."""
+    """Node in the Planner's place; `true_pose` gives the simulation's true pose."""
 
     name = "planner"
     period_s = 1.0 / POSE_RATE_HZ
@@ -128,7 +128,7 @@ class RouteDriver:
     def __init__(self, floor: Floor, true_pose: Callable[[], Pose2]) -> None:
         self._true_pose = true_pose
         pose = true_pose()
-        self._way = Middles(floor).way(np.array([pose.x_m, pose.y_m]))
+        self._path = Middles(floor).path(np.array([pose.x_m, pose.y_m]))
         self._at = 0
         self._started = False
         self._commanded = DriveCommand(0.0, 0, Speed.MEDIUM, 0.0)
@@ -139,7 +139,7 @@ class RouteDriver:
 
     @property
     def finished(self) -> bool:
-        return self._at >= len(self._way)
+        return self._at >= len(self._path)
 
     def step(self, bus: Bus, now_s: float) -> None:
         self._started |= any(o.operation is Operation.START for o in bus.take(OPERATION))
@@ -147,8 +147,8 @@ class RouteDriver:
         if odometry is not None and alive_and_valid(bus, ODOMETRY):
             pose = self._true_pose()
             drives = self._started and permit is not None and permit.granted and not self.finished
-            rests = self._zero_velocity.due(now_s, odometry.standing)
-            goal = self._goal(pose) if drives and not rests else None
+            pauses = self._zero_velocity.due(now_s, odometry.standing)
+            goal = self._goal(pose) if drives and not pauses else None
             if goal is not None or self._commanded.speed is not Speed.STOP:
                 turn_rad = 0.0 if goal is None else self._turn_rad(pose, goal, odometry.yaw_rad)
                 speed = Speed.STOP if goal is None else Speed.MEDIUM
@@ -158,7 +158,7 @@ class RouteDriver:
         self._status.report(bus, now_s, state="ROUTE", error=ErrorCode.OK, ready=True)
         if now_s >= self._view_due_s:
             self._view_due_s = now_s + VIEW_PERIOD_S
-            ahead = self._way[self._at :].astype(np.float32)
+            ahead = self._path[self._at :].astype(np.float32)
             detail = (
                 "scripted route driven" if self.finished else f"{len(ahead) * CELL_M:.0f} m of scripted route ahead"
             )
@@ -169,17 +169,17 @@ class RouteDriver:
         """Nothing is held open."""
 
     def _turn_rad(self, pose: Pose2, goal: tuple[float, float], yaw_rad: float) -> float:
-        """To the goal, the way round that suits the way a little further on."""
+        """The turn to the goal, in the sense of rotation that suits the next turn of the path."""
         turn_rad = pose.bearing_rad(*goal)
-        later_x_m, later_y_m = self._way[min(self._at + THEN_CELLS, len(self._way) - 1)].tolist()
+        later_x_m, later_y_m = self._path[min(self._at + THEN_CELLS, len(self._path) - 1)].tolist()
         then_rad = Pose2(*goal, pose.heading_rad + turn_rad).bearing_rad(later_x_m, later_y_m)
         return self._net_rotation.turn_rad(yaw_rad, turn_rad, then_rad)
 
     def _goal(self, pose: Pose2) -> tuple[float, float] | None:
-        """The next place of the way that is far enough ahead to steer for; None at its end."""
-        while self._at < len(self._way):
-            x_m, y_m = self._way[self._at].tolist()
-            last = self._at == len(self._way) - 1
+        """The next place of the path that is far enough ahead to steer for; None at its end."""
+        while self._at < len(self._path):
+            x_m, y_m = self._path[self._at].tolist()
+            last = self._at == len(self._path) - 1
             if np.hypot(x_m - pose.x_m, y_m - pose.y_m) > (ARRIVED_M if last else LOOK_AHEAD_M):
                 return x_m, y_m
             self._at += 1

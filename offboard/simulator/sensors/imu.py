@@ -1,7 +1,7 @@
 """The simulated MPU-6050: true motion -> raw counts of accelerometer (+-2 g) and gyro (+-500 deg/s).
 
 Error terms of the gyro as in the Allan deviation (IEEE Std 952): turn-on bias, random walk of the bias, scale, white
-noise. The accelerometer is exact: nothing navigates by it.
+noise. The accelerometer is exact, since no module navigates by it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ ImuCounts = tuple[int, int, int, int, int, int]  # ax, ay, az, gx, gy, gz
 
 
 class Imu:
-    """One sensor; `sample` is called once for every interval of `period_s`."""
+    """One sensor; the world calls `sample` once in each interval of `period_s`."""
 
     def __init__(self, errors: RunErrors, rng: Random, period_s: float) -> None:
         self._profile, self._rng = errors.profile, rng
@@ -27,7 +27,7 @@ class Imu:
         self._walk_rad_s = errors.profile.gyro_walk_rad_s_sqrt_s * sqrt(period_s)
 
     def sample(self, yaw_rate_rad_s: float, forward_m_s2: float, left_m_s2: float) -> ImuCounts:
-        """Counts for the means over the last interval."""
+        """Counts for the means over the last interval: yaw rate in rad/s, accelerations in m/s^2."""
         gyro = [self._gyro_count(axis, yaw_rate_rad_s if axis == 2 else 0.0) for axis in range(3)]
         ax, ay = _count(forward_m_s2 * ACCEL_COUNTS_PER_M_S2), _count(left_m_s2 * ACCEL_COUNTS_PER_M_S2)
         return ax, ay, 16384, gyro[0], gyro[1], gyro[2]

@@ -5,10 +5,10 @@
 Sources: planes, corners and edges as reflectors, Kuc & Siegel, "Physically based simulation model for acoustic sensor
 robot navigation", IEEE PAMI 9 (1987); Leonard & Durrant-Whyte, "Directed Sonar Sensing" (1992). Ranges, steps and
 times: MaxBotix datasheet PD11832. Assumptions (no sheet gives them): two-way Gaussian beam of 17 degrees, amplitude
-falling with 1 / range so that a wide flat wall just answers at 6.4 m, edges and corners 18 dB below a wall.
+falling with 1 / range such that a wide flat wall gives the last echo at 6.4 m, edges and corners 18 dB below a wall.
 
-1. A smooth wall answers only from the foot of the perpendicular, if the foot lies on it and in the beam.
-2. A corner (convex or concave) answers from any angle, weakly; so does a person, as a cylinder in clothes.
+1. A smooth wall reflects only at the foot of the perpendicular, if the foot lies on it and in the beam.
+2. A corner (convex or concave) reflects from any angle, weakly; so does a person, as a cylinder in clothes.
 3. A nearer wall hides what is behind it. The first echo above the threshold wins; nothing above it is no echo.
 """
 
@@ -52,7 +52,7 @@ Circle = tuple[float, float, float]  # x_m, y_m, radius_m
 
 
 class EchoModel:
-    """The walls of a floor as reflectors, sorted into buckets by what can answer from there."""
+    """The walls of a floor as reflectors. Each square metre of floor has a bucket of the reflectors that it can see."""
 
     def __init__(self, segments: FloatArray) -> None:
         """`segments` (N, 4): walls in metres, each with the free space on its left."""
@@ -63,7 +63,10 @@ class EchoModel:
     def first_echo_m(
         self, x_m: float, y_m: float, bearing_rad: float, gain_db: float = 0.0, people: Sequence[Circle] = ()
     ) -> float:
-        """Distance from a transducer at (x_m, y_m) that looks along `bearing_rad` to the first echo, or infinity."""
+        """Distance from a transducer at (x_m, y_m) with its axis along `bearing_rad` to the first echo, or infinity.
+
+        `gain_db` shifts the threshold of this ping; `people` stand beside the walls.
+        """
         return self._bucket(x_m, y_m).first_echo_m(x_m, y_m, bearing_rad, gain_db, people)
 
     def wall_ahead_m(self, x_m: float, y_m: float, bearing_rad: float) -> float:
@@ -86,7 +89,7 @@ class EchoModel:
 
 
 class _Bucket:
-    """What can answer or hide from one square metre of floor: straight lines in their normal form."""
+    """The walls and corners in reach of one square metre of floor; walls as straight lines in normal form."""
 
     def __init__(self, segments: FloatArray, corners: list[list[float]]) -> None:
         start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]

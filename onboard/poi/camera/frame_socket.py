@@ -1,7 +1,7 @@
 """Frames over a local socket: previews as they come, full frames on request. The receiving end, and the wire format.
 
-Each frame is a header (kind, time, height, width) and its raw pixels; a request is one byte. A thread reads, the node
-only takes what is there; a server that is not there yet, or has gone, is tried again.
+Each frame is a header (kind, time, height, width) and its raw pixels; a request is one byte. A thread reads, and the
+node takes what has arrived. The thread connects again to a server that is not there yet or has gone.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class SocketFrames:
             try:
                 connection.send(REQUEST)
             except OSError:
-                _log.info("full frame not asked for: the camera is away")
+                _log.info("camera=away full_frame=not_requested")
 
     def full(self, now_s: float) -> Frame | None:
         with self._lock:

@@ -1,8 +1,8 @@
 """Where frames come from: a URI of robot.toml -> a `FrameSource` with two streams.
 
-A small preview comes by itself, a few times a second; a full frame comes when it was asked for. `picamera` is the
-Raspberry Pi's camera, `/dev/video0` or a number a USB camera, a file or folder holds photos, and `unix:PATH` is where
-somebody else serves frames. All but the first two are for machines without a camera.
+A small preview comes by itself, a few times a second; a full frame comes after a request. `picamera` is the
+Raspberry Pi's camera, `/dev/video0` or a number a USB camera, a file or folder holds photos, and `unix:PATH` is a
+socket that serves frames. All but the first two are for machines without a camera.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class FrameSource(Protocol):
     def request_full(self) -> None: ...
 
     def full(self, now_s: float) -> Frame | None:
-        """The full frame that was asked for, once."""
+        """The requested full frame, once."""
 
     def close(self) -> None: ...
 
 
 class PacedFrames(ABC):
-    """A camera that takes a picture when it is told to: a preview every PREVIEW_PERIOD_S, a full frame per request."""
+    """A camera that captures on command: a preview every PREVIEW_PERIOD_S, a full frame per request."""
 
     def __init__(self) -> None:
         self._due_s = 0.0
@@ -180,7 +180,7 @@ def photo_files(path: Path) -> list[Path]:
 def read_photo(file: Path) -> Image:
     """A photo; raises StartError when it is none, or not all of one, OSError."""
     data = file.read_bytes()
-    # Of half a JPEG the decoder makes the rest up. Some cameras write more behind the mark of its end
+    # The decoder invents the missing part of a truncated JPEG. Some cameras append data after the end marker
     if data.startswith(_JPEG_BEGIN) and _JPEG_END not in data[len(data) // 2 :]:
         raise StartError(f"{file} is only a part of a picture; copy it again.")
     try:
@@ -193,9 +193,12 @@ def read_photo(file: Path) -> Image:
 
 
 def pose_sidecar(file: Path) -> dict[str, float]:
-    """What stands in `<photo>.json` beside a photo (`x_m`, `y_m`, `heading_rad`, `wall_m`); empty without it."""
+    """The fields `x_m`, `y_m`, `heading_rad`, `wall_m` of `<photo>.json` beside a photo; empty without that file.
+
+    Raises StartError when the file lacks one.
+    """
     sidecar = file.with_suffix(".json")
     if not sidecar.is_file():
         return {}
-    told = Node(load_json(sidecar, str(sidecar), StartError), str(sidecar), StartError)
-    return {key: told.number(key) for key in ("x_m", "y_m", "heading_rad")} | {"wall_m": told.length("wall_m")}
+    reader = Node(load_json(sidecar, str(sidecar), StartError), str(sidecar), StartError)
+    return {key: reader.number(key) for key in ("x_m", "y_m", "heading_rad")} | {"wall_m": reader.length("wall_m")}

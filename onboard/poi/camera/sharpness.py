@@ -1,4 +1,4 @@
-"""How sharp is a picture? What chooses the best of several photos, and the two measures that the specification names.
+"""Sharpness of an image: the measure that ranks photos, and the two measures that the specification names.
 
 Measured on plates with blur: the strong gradients of a picture whose scale and contrast were normalised rank photos by
 whether they can be read; variance of the Laplacian and share of high frequencies are reported beside it.
@@ -22,7 +22,7 @@ _HIGH_FREQUENCY = 0.25  # cycles per pixel
 class Sharpness:
     """Larger is sharper; comparable between photos only."""
 
-    gradient: float  # what decides
+    gradient: float  # ranks photos
     laplacian_variance: float
     high_frequency_share: float
 
@@ -37,8 +37,8 @@ def sharpness(gray: Gray) -> Sharpness:
 def gradient(gray: Gray) -> float:
     """99th percentile of the gradient along x or y, whichever is smaller: motion blurs one direction only."""
     scale = NORMAL_HEIGHT_PX / gray.shape[0]
-    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
-    image = cv2.resize(gray.astype(np.float32), None, fx=scale, fy=scale, interpolation=way)
+    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    image = cv2.resize(gray.astype(np.float32), None, fx=scale, fy=scale, interpolation=interpolation)
     image = cv2.GaussianBlur(image, (0, 0), 1.0)
     low, high = np.percentile(image, (2, 98))
     image = ((image - low) / max(float(high - low), 1e-3) * 255.0).astype(np.float32)

@@ -1,7 +1,7 @@
-"""Edges and signs of all walls in, doors with their plates out.
+"""Data association: edges and signs of all walls in, doors with their plates out.
 
-A door is a left and a right edge on one wall, as far apart as a door is wide, each seen more than once. A plate belongs
-to the nearest door of its wall; one whose door was not seen whole tells of a door all the same.
+A door is a left and a right edge on one wall, as far apart as a door is wide, each observed more than once. A plate
+belongs to the nearest door of its wall; a plate without a whole door makes a door of its own.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ OFF_WALL_M = 0.25
 DOOR_WIDTH_M = (0.65, 1.45)  # between the outer edges of the frame
 USUAL_WIDTH_M = 1.06
 PLATE_REACH_M = 0.55  # from a plate to its door's nearest edge
-SIGHTINGS_MIN = 2
-SIGHTINGS_UNREAD_MIN = 4  # of the edges of a door that nothing else speaks for
-SAME_DOOR_M = 0.6  # two that stand nearer are one, seen twice
+OBSERVATIONS_MIN = 2
+OBSERVATIONS_UNREAD_MIN = 4  # of each edge of a door without a plate
+SAME_DOOR_M = 0.6  # two that stand nearer are one, observed twice
 SAME_NUMBER_M = 1.2
 
 Span = tuple[Edge, Edge]  # left and right edge of a door
@@ -35,7 +35,7 @@ class State(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A door as known now; `sign` is its plate, None where none was seen. `seen_s`: when anything of it was seen."""
+    """A door as known now; `sign` is its plate, if any. `seen_s`: time of the newest observation of any part."""
 
     centre: WallPoint
     width_m: float
@@ -50,9 +50,9 @@ class Door:
         return State.READ if self.sign.accepted else State.DOUBTFUL
 
 
-def joined(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint, WallPoint], bool]) -> list[Door]:
+def associated(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint, WallPoint], bool]) -> list[Door]:
     """Doors with their plates, and plates that stand alone. `backed`: is there wall between a left and a right edge?"""
-    well_seen = [e for e in edges if e.place.count >= SIGHTINGS_MIN]
+    well_seen = [e for e in edges if e.place.count >= OBSERVATIONS_MIN]
     spans = [span for span in _spans(well_seen) if backed(span[0].place.point, span[1].place.point)]
     plates = _distinct_plates([s for s in signs if s.is_plate])
     plate_of = _plates_of(spans, plates)
@@ -60,7 +60,7 @@ def joined(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint, Wa
     doors = [
         _door(left, right, plates[plate_of[i]] if i in plate_of else None)
         for i, (left, right) in enumerate(spans)
-        if i in plate_of or _speaks_for_itself(left, right, posters)
+        if i in plate_of or _well_observed(left, right, posters)
     ]
     taken = set(plate_of.values())
     alone = [_door_of_plate(plate, well_seen) for j, plate in enumerate(plates) if j not in taken]
@@ -82,16 +82,16 @@ def _plates_of(spans: list[Span], plates: list[Sign]) -> dict[int, int]:
     return plate_of
 
 
-def _speaks_for_itself(left: Edge, right: Edge, posters: list[Sign]) -> bool:
-    """A door without a plate: seen well, and not the outline of a poster and what is beside it."""
+def _well_observed(left: Edge, right: Edge, posters: list[Sign]) -> bool:
+    """A door without a plate counts when its edges were observed often and enclose no poster."""
     a, b = left.place.point, right.place.point
-    return min(left.place.count, right.place.count) >= SIGHTINGS_UNREAD_MIN and not any(
+    return min(left.place.count, right.place.count) >= OBSERVATIONS_UNREAD_MIN and not any(
         _gap_m(a, b, poster.place.point) == 0.0 for poster in posters
     )
 
 
 def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
-    """A plate whose door was not seen whole: the nearest edge tells where the door is, without one the plate itself."""
+    """The door of a plate without a pair of edges: placed by the nearest edge, without one by the plate itself."""
     at = plate.place.point
     best: tuple[float, Edge] | None = None
     for edge in edges:
@@ -112,7 +112,7 @@ def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
 
 
 def _distinct_plates(plates: list[Sign]) -> list[Sign]:
-    """Without those that say the same as a better read one near it: one plate, placed twice."""
+    """Without the worse read of two plates that lie near each other with one number: one plate, placed twice."""
     kept: list[Sign] = []
     for plate in sorted(plates, key=lambda s: s.numbers[s.number], reverse=True):
         twins = (other for other in kept if other.number == plate.number)
@@ -122,7 +122,7 @@ def _distinct_plates(plates: list[Sign]) -> list[Sign]:
 
 
 def _distinct(doors: list[Door]) -> list[Door]:
-    """Without those that are another one seen again after the map had moved: the better read, then the better seen."""
+    """Without duplicates, which arise when the map moves: keeps the better read door, then the better observed one."""
 
     def strength(door: Door) -> tuple[int, int, int]:
         sign = door.sign
@@ -132,12 +132,12 @@ def _distinct(doors: list[Door]) -> list[Door]:
             min((e.place.count for e in door.edges), default=0),
         )
 
-    believed = {door.sign.number for door in doors if door.sign is not None and door.state is State.READ}
+    numbers_read = {door.sign.number for door in doors if door.sign is not None and door.state is State.READ}
     kept: list[Door] = []
     for door in sorted(doors, key=strength, reverse=True):
         number = door.sign.number if door.sign is not None else ""
-        if door.state is State.DOUBTFUL and number in believed:
-            continue  # the same plate, seen once from where it could not be placed
+        if door.state is State.DOUBTFUL and number in numbers_read:
+            continue  # the same plate, misplaced once
         for other in kept:
             reach_m = SAME_DOOR_M
             if number and other.sign is not None and other.sign.number == number:
@@ -150,7 +150,7 @@ def _distinct(doors: list[Door]) -> list[Door]:
 
 
 def _spans(edges: list[Edge]) -> list[Span]:
-    """Pairs of a left and a right edge that are a door; of several the best seen, then the widest. Each edge once."""
+    """Pairs of a left and a right edge that are a door, the best observed first, then the widest; each edge once."""
     pairs = []
     for i, left in enumerate(edges):
         if left.side is not Side.LEFT:

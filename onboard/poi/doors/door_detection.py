@@ -1,8 +1,8 @@
-"""Where do doors begin and end in a preview frame? Picture, camera and wall in, edges of doors (columns) out.
+"""Edges of doors in a preview frame: image, camera and wall in, columns of edges out.
 
-Looked at is a band of the wall at the height of door handles, below every sign: there a wall has one colour, and what
-has another one over the width of a door is a door. With calibrated colours (HSV boxes, the specification's way) door is
-what lies in a box; without, what stands out from the wall that the camera has been seeing.
+The detector reads a band of the wall at the height of door handles, below every sign: there a wall has one colour, and
+a stretch of another colour as wide as a door is a door. With calibrated colours (HSV boxes, from the specification) a
+colour is a door's when a box holds it; without, when it differs from the tracked colour of the wall.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ BAND_LOW_M, BAND_HEIGHT_M = 0.85, 0.14
 BAND_ROWS = 12
 DARKER, BRIGHTER = 0.78, 1.28  # luminance over the wall's
 CHROMA_STEP = 0.022
-SOLID_M = 0.035  # a side of an edge that is narrower is noise
-TRACKING = 0.3  # how fast the wall's colour follows
-LOST_M = 1.6  # nothing but "door" for longer than any door is wide: it is the wall
+SOLID_M = 0.035  # an edge with less wall or door on one of its sides is noise
+TRACKING = 0.3  # weight of the newest preview in the wall's colour
+LOST_M = 1.6  # "door" over more than any door's width is the wall
 BRIGHT_SHARE = 0.25
 
 
@@ -75,7 +75,7 @@ class ColourBox:
 
 
 class DoorDetector:
-    """Remembers the colour of the wall from frame to frame."""
+    """Tracks the colour of the wall from frame to frame."""
 
     def __init__(self, boxes: tuple[ColourBox, ...] = ()) -> None:
         self._boxes = boxes
@@ -83,7 +83,7 @@ class DoorDetector:
         self._lost_since_m: float | None = None
 
     def edges(self, preview: Image, camera: CameraModel, wall: WallLine, driven_m: float) -> list[DoorEdge]:
-        """Edges between wall and door, from left to right; `driven_m` is the way driven so far."""
+        """Edges between wall and door, from left to right; `driven_m` is the path driven so far (metres)."""
         colours = band_colours(preview, camera, wall)
         if self._boxes:
             hsv = cv2.cvtColor(colours[None].astype(np.uint8), cv2.COLOR_BGR2HSV)[0]
@@ -98,7 +98,7 @@ class DoorDetector:
         out = differs(colours, self._wall)
         brighter = _luminance(colours) > BRIGHTER * _luminance(self._wall)
         if brighter.mean() > BRIGHT_SHARE:
-            # Of two plain surfaces the brighter one is the wall: what was taken for it was a door or in the shade
+            # Of two plain surfaces the brighter one is the wall: the tracked colour was a door's or a shadow's
             self._wall = np.median(colours[brighter], axis=0)
             out = differs(colours, self._wall)
         if out.mean() < 0.9:
@@ -113,7 +113,7 @@ class DoorDetector:
         return out
 
     def turned(self) -> None:
-        """The robot looks at another wall now, which may be lit in another way."""
+        """The camera sees another wall now, whose light may differ."""
         self._wall, self._lost_since_m = None, None
 
 
@@ -127,14 +127,14 @@ def band_colours(image: Image, camera: CameraModel, wall: WallLine) -> npt.NDArr
 
 
 def differs(colours: npt.NDArray[np.float64], wall: Colour) -> Mask:
-    """Which colours (N, 3) are not the wall's, whatever the light does within limits."""
+    """Which colours (N, 3) differ from the wall's (3,) by more than light changes; (N,) of bool."""
     ratio = _luminance(colours) / max(float(_luminance(wall)), 1.0)
     chroma = np.abs(_chroma(colours) - _chroma(wall)).max(axis=-1)
     return np.asarray((ratio < DARKER) | (ratio > BRIGHTER) | (chroma > CHROMA_STEP))
 
 
 def door_edges(door: Mask, solid_px: float) -> list[DoorEdge]:
-    """Changes between wall and door (N,) that have enough of both on their sides."""
+    """Changes between wall and door in a mask (N,) that have `solid_px` columns of both on their sides."""
     changes = np.flatnonzero(np.diff(door.astype(np.int8))) + 1
     bounds = np.concatenate([[0], changes, [len(door)]])
     # Runs too narrow to be anything take the colour of what surrounds them

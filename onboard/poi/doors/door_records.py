@@ -1,21 +1,21 @@
-"""Everything of doors that was seen on the floor: sightings of edges and readings of signs in, doors out.
+"""All edges and signs of the floor: single observations in, doors out.
 
-What was seen near an earlier sighting of its kind is the same thing. Pure: the node decides when a door is told and
-when another photo is asked for.
+An observation near an earlier one of its kind is merged with it (nearest neighbour within a gate). Pure: the node
+decides when it publishes a door and when it requests another photo.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from onboard.poi.doors.door_association import Door, joined
+from onboard.poi.doors.door_association import Door, associated
 from onboard.poi.doors.door_detection import Side
 from onboard.poi.doors.observations import Edge, Place, Sign, same_wall
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.signs.sign_reading import SignReading
 
-EDGE_GATE_M = 0.15  # sightings of one edge; doors stand further apart
-SIGN_GATE_M = 0.30  # readings of one sign
+EDGE_GATE_M = 0.15  # between observations of one edge; doors stand further apart
+SIGN_GATE_M = 0.30  # between observations of one sign
 
 
 class DoorRecords:
@@ -28,7 +28,7 @@ class DoorRecords:
         self.signs: list[Sign] = []
 
     def add_edge(self, side: Side, point: WallPoint, now_s: float) -> None:
-        """An edge of a door was seen at a spot."""
+        """Takes an observation of an edge of a door."""
         near = [e for e in self.edges if e.side is side and same_wall(e.place.point, point)]
         edge = min(near, key=lambda e: e.place.point.distance_m(point), default=None)
         if edge is not None and edge.place.point.distance_m(point) < EDGE_GATE_M:
@@ -37,13 +37,13 @@ class DoorRecords:
             self.edges.append(Edge(side, Place.of(point, now_s)))
 
     def sign_at(self, point: WallPoint) -> Sign | None:
-        """The sign that was seen at this spot before; None where none was."""
+        """The sign that was observed at this point before, or None."""
         near = [s for s in self.signs if same_wall(s.place.point, point)]
         sign = min(near, key=lambda s: s.place.point.distance_m(point), default=None)
         return sign if sign is not None and sign.place.point.distance_m(point) < SIGN_GATE_M else None
 
     def add_sign(self, point: WallPoint, now_s: float, reading: SignReading | None = None) -> Sign:
-        """Something that may be a sign was seen, or read, at a spot."""
+        """Takes an observation of a possible sign, with its reading where there is one; returns the merged sign."""
         sign = self.sign_at(point)
         if sign is None:
             sign = Sign(Place.of(point, now_s))
@@ -55,12 +55,12 @@ class DoorRecords:
         return sign
 
     def add_blank(self, point: WallPoint, now_s: float) -> None:
-        """What looked like a sign held no text."""
+        """Takes a photo of a possible sign in which nothing was legible."""
         sign = self.sign_at(point)
         if sign is None:
             sign = self.add_sign(point, now_s)
         sign.blanks += 1
 
     def doors(self) -> list[Door]:
-        """Doors with their plates, and plates that stand alone; joined anew at every call."""
-        return joined(self.edges, self.signs, self._backed)
+        """Doors with their plates, and plates that stand alone; associated anew in every call."""
+        return associated(self.edges, self.signs, self._backed)

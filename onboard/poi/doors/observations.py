@@ -1,6 +1,6 @@
-"""What was seen at one spot of a wall: an edge of a door, or a sign and everything that was read on it.
+"""Observations of one place on a wall, merged: an edge of a door, or a sign and all its readings.
 
-A spot is the mean of its sightings. What a sign says is put to the vote of its photos: at least two must agree.
+A place is the mean of its observations. The photos of a sign vote on its text: at least two must agree.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MAJORITY = 0.6
 
 @dataclass(slots=True)
 class Place:
-    """Mean of the points where one thing was seen; `normal_x`, `normal_y` are the sum of their unit normals."""
+    """Mean of the points of all observations; `normal_x`, `normal_y` are the sum of their unit normals."""
 
     x_m: float
     y_m: float
@@ -56,7 +56,7 @@ class Edge:
 
 @dataclass(slots=True)
 class Sign:
-    """Everything read at one spot of a wall."""
+    """A sign: its place and all readings of it."""
 
     place: Place
     numbers: Counter[str] = field(default_factory=Counter)
@@ -80,7 +80,7 @@ class Sign:
 
     @property
     def number(self) -> str:
-        """What most photos say, weighted by their confidence; the first read of equals."""
+        """The number with the largest sum of confidence over all photos; the first read of equals."""
         return max(self.weights, key=lambda n: self.weights[n]) if self.weights else ""
 
     @property
@@ -91,7 +91,7 @@ class Sign:
 
     @property
     def share(self) -> float:
-        """Of the confidence of all readings of a number, what speaks for the one that won."""
+        """The share of the winning number in the confidence of all readings."""
         total = sum(self.weights.values())
         return self.weights[self.number] / total if total else 0.0
 
@@ -110,7 +110,7 @@ class Sign:
 
     @property
     def settled(self) -> bool:
-        """Another photo would tell nothing new."""
+        """Another photo would change nothing."""
         if not self.verdicts:
             return self.blanks >= BLANKS_MAX
         if self.rejected:
@@ -124,5 +124,5 @@ class Sign:
 
 
 def same_wall(a: WallPoint, b: WallPoint) -> bool:
-    """Do both points belong to walls that face the same way?"""
+    """Whether both points belong to walls that face the same direction."""
     return abs(wrap_angle(a.normal_rad - b.normal_rad)) < SAME_WALL_RAD

@@ -1,7 +1,7 @@
-"""Where the robot was when a frame was taken: POSE messages in, the pose at any recent time out.
+"""The robot's pose when a frame was taken: POSE messages in, the pose at any recent time out.
 
-The mapping unit stamps with the clock of its own board. What arrives cannot be older than it says, so the smallest
-difference seen between arrival and stamp is taken for the offset of the two clocks.
+The mapping unit stamps with the clock of its own board. A message cannot arrive before it was sent, so the smallest
+difference between arrival and stamp estimates the offset of the two clocks.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class PoseHistory:
         self._offset_s = inf
 
     def add(self, estimate: PoseEstimate, now_s: float) -> None:
-        """Takes in a pose that arrived at `now_s`."""
+        """Takes a pose that arrived at `now_s`."""
         self._offset_s = min(self._offset_s, now_s - estimate.t_s)
         if self._times_s and estimate.t_s <= self._times_s[-1]:
             return
@@ -44,7 +44,7 @@ class PoseHistory:
         return self._poses[-1] if self._poses else None
 
     def covers(self, t_s: float) -> bool:
-        """A pose at or after that time of this board has come."""
+        """Whether a pose of that time of this board, or of a later one, has arrived."""
         return bool(self._times_s) and self.stamp_s(t_s) <= self._times_s[-1]
 
     def at(self, t_s: float) -> Pose2 | None:

@@ -1,6 +1,6 @@
-"""Where on the wall is what the camera sees? Echoes of the right sonar and a bearing in, a point of the map out.
+"""Points on the wall: echoes of the right sonar and a bearing of the camera in, a point of the map out.
 
-A smooth wall answers a sonar with its perpendicular distance: while the robot drives straight, the feet of the right
+A sonar measures the perpendicular distance of a smooth wall: while the robot drives straight, the feet of the right
 sonar's echoes lie on the wall. The line through the newest ones is the wall on the right; a sign stands where the ray
 of its column meets that line.
 """
@@ -15,14 +15,14 @@ import numpy as np
 
 from common.geometry import Pose2, wrap_angle
 
-WALL_REACH_M = 2.6  # from further away nothing is read
+WALL_REACH_M = 2.6  # from further away poi reads nothing
 ALONG_M = 1.2  # echoes this near to the newest belong to the same piece of wall
 STEP_MAX_M = 0.12  # off the line: another wall
 SKEW_MAX_RAD = 0.25  # a wall that stands more across than this is not the one that the robot drives along
-ROUGH_MAX_M = 0.035  # feet that lie worse than this on a line lie on several walls
+ROUGH_MAX_M = 0.035  # standard deviation off the line; rougher feet lie on several walls
 FEET_KEPT = 120
 FEET_MIN = 4
-SPREAD_MIN_M = 0.25  # shorter pieces say nothing about the direction
+SPREAD_MIN_M = 0.25  # shorter pieces give no direction
 INCIDENCE_MAX_RAD = 0.9
 
 
@@ -86,7 +86,7 @@ class WallTracker:
         self._feet: deque[tuple[float, float]] = deque(maxlen=FEET_KEPT)
 
     def add(self, pose: Pose2, right_m: float) -> None:
-        """An echo heard while driving straight or standing; NaN = nothing heard."""
+        """Takes an echo at `right_m` metres of a robot that drives straight or stands; NaN = no echo."""
         if isnan(right_m) or right_m > WALL_REACH_M:
             return
         angle = pose.heading_rad - pi / 2
@@ -96,7 +96,7 @@ class WallTracker:
         """The wall beside a pose; None where there was no echo near it.
 
         Total least squares over the feet within ALONG_M of the one beside the robot, fitted again without those that
-        lie off the line. Too short a piece is taken for parallel to the robot.
+        lie off the line. A piece shorter than SPREAD_MIN_M counts as parallel to the robot.
         """
         feet = pose.inverse().transform(np.array(self._feet).reshape(-1, 2))
         beside = feet[(np.abs(feet[:, 0]) < ALONG_M) & (feet[:, 1] < 0.0)]

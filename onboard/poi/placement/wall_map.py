@@ -1,6 +1,6 @@
-"""The wall points of the map, as the mapping unit sends them: is there wall between two points, and how does it face?
+"""The wall points that the mapping unit publishes: does a wall lie between two points, and where does it face?
 
-What looks like a door and has no wall behind it is the mouth of a side hall.
+A candidate for a door without a wall behind it is the mouth of a side hall.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from onboard.poi.placement.wall_line import WallPoint
 BACKING_M = 0.20  # a door may stand back from its wall, and the map errs
 SAMPLES = 5
 BACKED_SHARE = 0.8
-INNER = 0.7  # of the span: at its ends echo the corners of a mouth
+INNER = 0.7  # share of the line that is sampled: the corners of a mouth give echoes at its ends
 NEAR_M = 0.7
 POINTS_MIN = 5
-WAY_CLEAR_M, GOAL_CLEAR_M = 0.25, 0.45
+PATH_CLEAR_M, GOAL_CLEAR_M = 0.25, 0.45
 STRAIGHT = 0.25  # spread across over spread along: more is a corner
 
 
@@ -34,7 +34,7 @@ class WallMap:
         self._points = with_increment(self._points, update)
 
     def backs(self, left: WallPoint, right: WallPoint) -> bool:
-        """Most of the way between two points lies on mapped wall."""
+        """Whether at least BACKED_SHARE of the line between two points lies on mapped wall."""
         a, b = np.array([left.x_m, left.y_m]), np.array([right.x_m, right.y_m])
         middle, half = (a + b) / 2, (b - a) / 2 * INNER
         reach_m = float(np.hypot(*half)) + BACKING_M
@@ -46,16 +46,16 @@ class WallMap:
         return bool((gaps_m < BACKING_M).mean() >= BACKED_SHARE)
 
     def in_sight(self, from_pose: Pose2, to_pose: Pose2) -> bool:
-        """No mapped wall stands between two poses, nor too near to the way or the second one."""
+        """Whether no mapped wall stands between two poses, nor too near to their straight line or to the second one."""
         a, b = np.array([from_pose.x_m, from_pose.y_m]), np.array([to_pose.x_m, to_pose.y_m])
         length_m = float(np.hypot(*(b - a)))
-        near = self._near((a + b) / 2, length_m / 2 + WAY_CLEAR_M)
+        near = self._near((a + b) / 2, length_m / 2 + PATH_CLEAR_M)
         if not len(near) or length_m < 1e-6:
             return True
         if np.hypot(*(near - b).T).min() < GOAL_CLEAR_M:
             return False
         share = np.clip((near - a) @ (b - a) / length_m**2, 0.0, 1.0)
-        return bool((np.hypot(*(near - a - share[:, None] * (b - a)).T) > WAY_CLEAR_M).all())
+        return bool((np.hypot(*(near - a - share[:, None] * (b - a)).T) > PATH_CLEAR_M).all())
 
     def facing(self, point: WallPoint) -> WallPoint:
         """The point with the direction out of the mapped wall around it; as it is where the map shows no plain wall."""

@@ -1,7 +1,7 @@
 """The reading part of the POI module alone, over photos from a folder: `indoor-mapping read-signs`.
 
-A photo is read whole, without the distance that the robot would know. Where a file `<photo>.json` beside it tells pose
-and distance of the wall, the sign is placed too.
+A photo is read whole, without the distance that the robot would know. Where a file `<photo>.json` beside it gives pose
+and distance of the wall, the sign gets a place too.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ def _record(file: Path, image: Image, reading: SignReading, scale: float) -> dic
 
 
 def _place(file: Path, photo: Image, reading: SignReading, scale: float, section: PoiSection) -> dict[str, float]:
-    told = pose_sidecar(file)
-    if not told:
+    sidecar = pose_sidecar(file)
+    if not sidecar:
         return {}
     camera = CameraModel(photo.shape[1], photo.shape[0], radians(section.field_of_view_deg))
     bearing_rad = camera.bearing_rad((reading.box[0] + reading.box[2] / 2) / scale)
-    pose = Pose2(told["x_m"], told["y_m"], told["heading_rad"])
-    point = WallLine(told["wall_m"], 0.0).point(pose, bearing_rad)
+    pose = Pose2(sidecar["x_m"], sidecar["y_m"], sidecar["heading_rad"])
+    point = WallLine(sidecar["wall_m"], 0.0).point(pose, bearing_rad)
     return {"x_m": round(point.x_m, 3), "y_m": round(point.y_m, 3)} if point is not None else {}

@@ -1,7 +1,7 @@
-"""Reading takes longer than a step and must not hold up the robot: jobs in, what was read out, some steps later.
+"""Reading takes longer than a step and must not delay it: jobs in, readings out some steps later.
 
-On the robot a thread of low priority reads. In lockstep, where nothing may depend on how fast this machine is, a job is
-done at once and handed out after a fixed time.
+On the robot a thread of low priority reads. In lockstep, where nothing may depend on this machine's speed, a job is
+done at once and its reading is handed out after a fixed time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from onboard.poi.signs.sign_detection import Box
 from onboard.poi.signs.sign_reading import SignReading, SignRules, TextLine, signs
 
 HALF_WIDTH_M, LOW_M, HIGH_M = 0.45, 1.12, 1.88  # what is read around a candidate
-PX_PER_M = 840.0  # a plate of 30 mm capitals is legible; more pixels cost time and tell nothing
+PX_PER_M = 840.0  # a plate of 30 mm capitals is legible; more pixels cost time and add nothing
 JOBS_MAX = 4
 NICENESS = 10
 LATENCY_S = 0.5  # simulated
@@ -53,7 +53,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A sign that was read; `u_px` is its middle column in the full frame. `sharpness` is that of its own part."""
+    """One sign that was read; `u_px` is its middle column in the full frame. `sharpness` is that of its own part."""
 
     reading: SignReading
     u_px: float
@@ -62,14 +62,14 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a job came to; no finding = nothing legible."""
+    """The result of a job; no finding = nothing legible."""
 
     job: Job
     findings: tuple[Finding, ...]
 
 
 def read(job: Job, reader: Reader, rules: SignRules, camera: CameraModel) -> Reading:
-    """Everything that stands around the candidate, without what the border of the part cuts off."""
+    """Reads the signs around the candidate, without those that the border of that part cuts off."""
     depth_m = job.wall.distance_m
     m_per_px = camera.metres_per_px(depth_m)
     top, bottom = (min(max(round(camera.row_px(z, depth_m)), 0), camera.height_px) for z in (HIGH_M, LOW_M))
@@ -149,7 +149,7 @@ class DeferredReading:
 
 
 class ThreadWorker:
-    """The robot: a thread that yields to everything else on its board. It refuses more than JOBS_MAX."""
+    """The robot: a thread of low priority. It refuses more than JOBS_MAX."""
 
     def __init__(self, load: Callable[[], Read]) -> None:
         self._thread = ThreadPoolExecutor(1, "reading", initializer=_yield_to_others)
@@ -166,12 +166,12 @@ class ThreadWorker:
 
     def submit(self, job: Job, now_s: float) -> None:
         if len(self._jobs) >= JOBS_MAX:
-            _log.info("reading is behind; a frame was left out t_s=%.2f", now_s)
+            _log.info("reading=behind dropped_job_t_s=%.2f", now_s)
             return
         self._jobs.append(self._thread.submit(lambda: self._read.result()(job)))
 
     def results(self, now_s: float) -> list[Reading]:
-        """What is done; raises what went wrong in the thread, so that the process ends by it."""
+        """The readings that are done. Raises what the thread raised, which ends the process."""
         if self._read.done():
             self._read.result()
         done = []

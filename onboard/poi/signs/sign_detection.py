@@ -1,6 +1,6 @@
-"""Is there something in a frame that may be a sign? Preview and distance of the wall in, boxes out.
+"""Candidates for signs: a preview and the distance of the wall in, boxes out.
 
-Cheap on purpose: it decides whether a full frame is worth taking and which part of it is worth reading. Text is where
+A cheap filter: it decides whether to take a full frame, and which part of it to read. Text is where
 many strong vertical strokes stand close together, at the height of signs and in their size.
 """
 
@@ -18,7 +18,7 @@ SIGN_LOW_M, SIGN_HIGH_M = 1.15, 1.85
 WIDTH_M = (0.03, 0.45)
 HEIGHT_M = (0.015, 0.30)
 STROKE = 45.0  # smallest step of brightness, by Sobel, that counts as a stroke
-JOIN_M = 0.030  # strokes that belong together
+MERGE_M = 0.030  # strokes that belong together
 DENSITY_MIN = 0.08
 MARGIN_M = 0.02  # to the border of the picture: what is cut off is not worth reading
 
@@ -50,9 +50,9 @@ def sign_candidates(gray: Gray, camera: CameraModel, depth_m: float) -> list[Box
     # Light differs by an order of magnitude between halls: steps count relative to the wall's brightness
     level = max(float(np.median(strip)), 20.0) / 200.0
     strokes = (np.abs(cv2.Sobel(strip, cv2.CV_32F, 1, 0)) > max(STROKE * level, 25.0)).astype(np.uint8)
-    join_px = max(3, round(JOIN_M / m_per_px))
-    joined = cv2.morphologyEx(strokes, cv2.MORPH_CLOSE, np.ones((max(3, join_px // 2), join_px), np.uint8))
-    count, _, stats, _ = cv2.connectedComponentsWithStats(joined)
+    merge_px = max(3, round(MERGE_M / m_per_px))
+    merged = cv2.morphologyEx(strokes, cv2.MORPH_CLOSE, np.ones((max(3, merge_px // 2), merge_px), np.uint8))
+    count, _, stats, _ = cv2.connectedComponentsWithStats(merged)
     margin_px = MARGIN_M / m_per_px
     found = []
     for x, y, width, height, _ in stats[1:count].tolist():

@@ -1,8 +1,7 @@
-"""What does a sign say? A part of a full frame in, the lines on it, and from them room number and room type, out.
+"""Text on a sign: a part of a full frame in; lines of text, and from those of one sign room number and room type, out.
 
-rapidocr finds and reads text; the rest judges: a number plate holds one number in the site's format, perhaps a room
-type, and nothing else of that size. Posters, directions to ranges of rooms, years and telephone numbers are more than
-that or stand beside more than that.
+rapidocr finds and reads text; `SignRules` judges it: a number plate holds one number in the site's format, perhaps a
+room type, and nothing else of that size. Posters, directions to ranges of rooms, years and telephone numbers hold more.
 """
 
 from __future__ import annotations
@@ -98,7 +97,7 @@ class SignReader:
         )
 
     def lines(self, image: Image) -> list[TextLine]:
-        """All text in a picture, boxes on one line joined, from top to bottom."""
+        """All text in a picture, boxes on one line merged, from top to bottom; places in pixels of `image`."""
         result = self._ocr(image, use_cls=False)
         if result.txts is None:
             return []
@@ -106,10 +105,10 @@ class SignReader:
         for text, score, corners in zip(result.txts, result.scores, result.boxes, strict=True):
             (x0, y0), (x1, y1) = np.min(corners, axis=0), np.max(corners, axis=0)
             lines.append(TextLine(text.strip(), float(score), float(x0), float(y0), float(x1 - x0), float(y1 - y0)))
-        return joined_lines(lines)
+        return merged_lines(lines)
 
 
-def joined_lines(boxes: Sequence[TextLine]) -> list[TextLine]:
+def merged_lines(boxes: Sequence[TextLine]) -> list[TextLine]:
     """Boxes that stand side by side become one line, its words parted by spaces; from top to bottom."""
     lines: list[TextLine] = []
     for box in sorted(boxes, key=lambda b: b.x_px):
