@@ -25,6 +25,7 @@ from offboard.runs.run_folder import MapData
 
 JOIN_M = 0.25  # wall points nearer than this are one wall
 THIN_M = 0.06  # of the points in a square of this side one is drawn
+DRAWN_MAX = 100_000  # points: six kilometres of wall, drawn in a few seconds
 TRAIL_STEP_M = 0.05
 GRID_M = 5.0
 UNITS_PER_M = 10.0  # of the SVG's own coordinates: millimetres on paper
@@ -69,10 +70,19 @@ class Drawing:
 
 
 def thin(points_m: Points) -> Points:
-    """One point, the mean, for every square of THIN_M that has any."""
+    """One point, the mean, for every square of THIN_M that has any; larger squares where DRAWN_MAX would be passed."""
+    side_m = THIN_M
+    points_m = _means(points_m, side_m)
+    while len(points_m) > DRAWN_MAX:
+        side_m *= 2
+        points_m = _means(points_m, side_m)
+    return points_m
+
+
+def _means(points_m: Points, side_m: float) -> Points:
     if not len(points_m):
         return points_m
-    _, cell, count = np.unique(np.floor(points_m / THIN_M), axis=0, return_inverse=True, return_counts=True)
+    _, cell, count = np.unique(np.floor(points_m / side_m), axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)
     means = [np.bincount(cell, points_m[:, k]) / count for k in (0, 1)]
     return np.column_stack(means)

@@ -1,4 +1,4 @@
-"""The pictures of the map in the run folder. A large map takes them a minute and half a gigabyte.
+"""The pictures of the map in the run folder. A large map takes some seconds and a gigabyte.
 
 `python -m offboard.recorder.pictures RUN`: the same in a process of the lowest priority, which the recorder starts.
 """

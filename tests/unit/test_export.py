@@ -9,9 +9,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial import cKDTree
 
 from offboard.export.formats import ExportError, export
 from offboard.export.map_picture import (
+    DRAWN_MAX,
     IMAGE_SIDE_MAX_PX,
     PIXELS_PER_M,
     as_png,
@@ -112,6 +114,13 @@ def test_near_wall_points_are_joined_and_far_ones_are_not() -> None:
 def test_thinning_keeps_one_point_per_place() -> None:
     points = np.repeat(np.array([[0.01, 0.01], [1.01, 0.01]]), 50, axis=0)
     np.testing.assert_allclose(thin(points), [[0.01, 0.01], [1.01, 0.01]])
+
+
+def test_a_map_of_any_number_of_points_is_drawn_with_a_bounded_number() -> None:
+    points = np.random.default_rng(1).uniform(-300.0, 300.0, (120_000, 2))
+    drawn = thin(points)
+    assert DRAWN_MAX / 10 < len(drawn) <= DRAWN_MAX
+    assert cKDTree(drawn).query(points)[0].max() < 5.0
 
 
 def test_export_writes_the_pictures_of_a_run_folder(tmp_path: Path) -> None:
