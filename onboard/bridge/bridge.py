@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from enum import Enum
 
 from common.bus import Bus
 from common.config import Config
@@ -21,16 +19,14 @@ from common.errors import ErrorCode
 from common.messages import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP, DriveCommand, Speed
 from common.status import StatusPace, StatusReporter
 from onboard.bridge import protocol, translation
-from onboard.bridge.board_clock import BoardClock
-from onboard.bridge.line_protocol import LineDecoder, Received, encode
 from onboard.bridge.motion_gate import MotionGate
+from onboard.bridge.pace import Pace
 from onboard.bridge.protocol import (
     STOP_BYTE,
     CarSta,
     CarState,
     Dst,
     Hb,
-    Hello,
     Message,
     Odo,
     Rel,
@@ -41,41 +37,14 @@ from onboard.bridge.protocol import (
     Stop,
     Stp,
 )
+from onboard.bridge.serial_link import LinkState, SerialLink
 from onboard.bridge.serial_port import Port, SerialLost, SerialPort
 
-LINE_LOST_S = 0.3  # no valid line for this long: the board is lost
-REOPEN_S = 1.0
-RESET_AFTER_S = 10.0  # a port that stays mute for this long is opened anew
 REPEAT_S = 0.1  # until the board confirms
-NOISE_WINDOW_S = 10.0
-NOISE_LINES = 10  # damaged lines within the window that are worth a warning
+NOISE_LINES = 10  # damaged lines within NOISE_WINDOW_S that are worth a warning
 
 _WORKING = (CarState.READY, CarState.MOVING, CarState.BACKING_OFF)
 _log = logging.getLogger("bridge")
-
-
-class LinkState(Enum):
-    CLOSED = "CLOSED"  # no port
-    LISTENING = "LISTENING"  # open, no HELLO yet
-    MISMATCH = "MISMATCH"  # HELLO of another protocol
-    CONNECTED = "CONNECTED"
-
-
-class _Pace:
-    """Something that is sent again and again, at most every so often."""
-
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
-        self._sent_s = float("-inf")
-
-    def due(self, now_s: float) -> bool:
-        if now_s - self._sent_s < self._period_s - 1e-6:
-            return False
-        self._sent_s = now_s
-        return True
-
-    def reset(self) -> None:
-        self._sent_s = float("-inf")
 
 
 class Bridge:
@@ -85,54 +54,36 @@ class Bridge:
     period_s = 0.01
 
     def __init__(self, port_factory: Callable[[], Port]) -> None:
-        self._open_port = port_factory
-        self._port: Port | None = None
-        self._link = LinkState.CLOSED
-        self._why_closed = ""
-        self._opening = _Pace(REOPEN_S)
-        self._decoder = LineDecoder()
-        self._heard_s = float("-inf")
-        self._clock = BoardClock()
-        self._session = -1
-        self._started_s: float | None = None
-
+        self._link = SerialLink(port_factory, self._forget_board)
         self._gate = MotionGate()
         self._may_move = False
         self._sim: SimSta | None = None
         self._car: CarSta | None = None
         self._stop: Stp | None = None
         self._heartbeat_counts = {"sim": 0, "car": 0}
-        self._told: dict[str, tuple[str, int]] = {}
-        # A little less than the period: the board's own beat decides, not the jitter of the line
+        self._logged: dict[str, tuple[str, int]] = {}
         self._car_pace, self._car_error = StatusPace(), 0
         self._drive: DriveCommand | None = None
         self._dropped: tuple[int, int] | None = None  # boot and id of the command that must not be begun any more
-        self._heartbeat = _Pace(HEARTBEAT_PERIOD_S)
+        self._heartbeat = Pace(HEARTBEAT_PERIOD_S)
         self._heartbeats = 0
-        self._stopping, self._arming, self._driving = _Pace(REPEAT_S), _Pace(REPEAT_S), _Pace(REPEAT_S)
-        self._teaching = _Pace(REPEAT_S)
-        self._noise: deque[tuple[float, int]] = deque([(float("-inf"), 0)])
+        self._stopping, self._arming, self._driving = Pace(REPEAT_S), Pace(REPEAT_S), Pace(REPEAT_S)
+        self._teaching = Pace(REPEAT_S)
         self._status = StatusReporter(self.name)
 
     def step(self, bus: Bus, now_s: float) -> None:
-        if self._started_s is None:
-            self._started_s = now_s
         try:
             self._step_stop(bus, now_s)
-            self._listen(bus, now_s)
-            if self._link is LinkState.CONNECTED:
+            for message, t_s in self._link.read(now_s):
+                self._publish(bus, message, t_s)
+            if self._link.connected:
                 self._command(now_s)
         except SerialLost as error:
-            self._close_port(str(error))
+            self._link.close(str(error))
         self._report(bus, now_s)
 
     def close(self) -> None:
-        if self._port is not None and self._link is LinkState.CONNECTED:
-            try:
-                self._port.write(STOP_BYTE)
-            except SerialLost as error:
-                _log.warning("stop byte not sent reason=%s", error)
-        self._close_port("the bridge ends")
+        self._link.close_standing("the bridge ends")
 
     # --- stop and permit: first of all, in every step
 
@@ -140,13 +91,13 @@ class Bridge:
         for request in bus.take(STOP):
             self._gate.request(request)
         permitted = self._gate.may_move(bus.latest(PERMIT), bus.age_s(PERMIT))
-        may_move = permitted and self._link is LinkState.CONNECTED
+        may_move = permitted and self._link.connected
         if may_move != self._may_move:
             _log.info("may_move=%s stop_sources=%s", may_move, sorted(self._gate.stop_sources))
             self._may_move = may_move
             self._stopping.reset()
             self._arming.reset()
-            if not may_move and self._link is LinkState.CONNECTED:
+            if not may_move and self._link.connected:
                 self._send_stop(now_s)
         for command in bus.take(DRIVE):
             self._take_drive(command)
@@ -170,86 +121,19 @@ class Bridge:
 
     def _send_stop(self, now_s: float) -> None:
         if self._stopping.due(now_s):
-            self._write(STOP_BYTE)
+            self._link.write(STOP_BYTE)
 
     # --- from the board
 
-    def _listen(self, bus: Bus, now_s: float) -> None:
-        if self._port is None and not self._reopen(now_s):
-            return
-        assert self._port is not None
-        for received in self._decoder.feed(self._port.read()):
-            self._take_line(bus, received, now_s)
-        silent_s = now_s - self._heard_s
-        if self._link is LinkState.CONNECTED and silent_s > LINE_LOST_S:
-            self._lose_board(f"no line for {LINE_LOST_S:.1f} s")
-        elif silent_s > RESET_AFTER_S:
-            self._close_port(f"no line for {RESET_AFTER_S:.0f} s")
-
-    def _reopen(self, now_s: float) -> bool:
-        if not self._opening.due(now_s):
-            return False
-        self._port = self._open_port()
-        self._decoder = LineDecoder()
-        self._noise = deque([(now_s, 0)])
-        self._link = LinkState.LISTENING
-        self._heard_s = now_s
-        self._why_closed = ""
-        _log.info("link=%s", self._link.value)
-        return True
-
-    def _close_port(self, why: str) -> None:
-        close = getattr(self._port, "close", None)
-        if close is not None:
-            close()
-        if why != self._why_closed:
-            _log.warning("link=CLOSED reason=%s", why)
-        self._port, self._link, self._why_closed = None, LinkState.CLOSED, why
-        self._forget_board()
-
-    def _lose_board(self, why: str) -> None:
-        self._link = LinkState.LISTENING
-        _log.warning("link=%s reason=%s", self._link.value, why)
-        self._forget_board()
-
     def _forget_board(self) -> None:
         self._sim = self._car = self._stop = None
-        self._session = -1
         self._forget_drive()
 
-    def _take_line(self, bus: Bus, received: Received, now_s: float) -> None:
-        self._heard_s = now_s
-        message = received.message
-        if isinstance(message, Hello):
-            self._greet(message)
-        if self._link is not LinkState.CONNECTED:
-            return
-        if self._clock.jumped_back(received.time_ms):
-            # Its HELLO was lost; counts and yaw began anew
-            self._lose_board("the board has restarted")
-            return
-        self._publish(bus, message, self._clock.to_s(received.time_ms, now_s), now_s)
-
-    def _greet(self, hello: Hello) -> None:
-        if (hello.version, hello.hash) != (protocol.VERSION, protocol.HASH):
-            if self._link is not LinkState.MISMATCH:
-                _log.error("protocol mismatch board=%d/%04X own=%d/%04X", *hello[:2], protocol.VERSION, protocol.HASH)
-            self._link = LinkState.MISMATCH
-            self._forget_board()
-            return
-        if self._link is LinkState.CONNECTED and hello.session == self._session:
-            return
-        self._forget_board()
-        self._link = LinkState.CONNECTED
-        self._session = hello.session
-        self._clock = BoardClock()
-        _log.info("link=%s session=%d reset_cause=%d", self._link.value, hello.session, hello.reset_cause)
-
-    def _publish(self, bus: Bus, message: Message, t_s: float, now_s: float) -> None:
+    def _publish(self, bus: Bus, message: Message, t_s: float) -> None:
         match message:
             case Odo():
                 imu_works = self._sim is not None and self._sim.state == SimState.RUNNING
-                bus.publish(ODOMETRY, translation.odometry(message, t_s, self._session, imu_works))
+                bus.publish(ODOMETRY, translation.odometry(message, t_s, self._link.session, imu_works))
             case Rng():
                 bus.publish(RANGES, translation.ranges(message, t_s))
             case Dst():
@@ -258,13 +142,13 @@ class Bridge:
                 self._sim = message
                 self._heartbeat_counts["sim"] += 1
                 bus.publish(STATUS["sim"], translation.sim_status(message, t_s, self._heartbeat_counts["sim"]))
-                self._tell("sim", SimState(message.state).name, message.error)
+                self._log_change("sim", SimState(message.state).name, message.error)
             case CarSta():
                 self._car = message
                 self._heartbeat_counts["car"] += 1
                 self._publish_carrier(bus, t_s)
                 # The Carrier reports every new drive command too, which is no news of its state
-                self._tell("car", CarState(message.state).name, message.error)
+                self._log_change("car", CarState(message.state).name, message.error)
                 urgent, self._car_error = message.error != self._car_error, message.error
                 if self._car_pace.due(t_s, urgent):
                     free_ram = self._sim.free_ram if self._sim is not None else 0
@@ -274,7 +158,7 @@ class Bridge:
 
             case Stp():
                 news, self._stop = message != self._stop, message
-                self._gate.board(self._session, message)
+                self._gate.board(self._link.session, message)
                 if news:
                     self._publish_carrier(bus, t_s)
 
@@ -283,10 +167,10 @@ class Bridge:
         if self._car is not None and self._stop is not None:
             bus.publish(CARRIER, translation.carrier_report(self._car, self._stop, t_s, self._gate))
 
-    def _tell(self, module: str, state: str, error: int) -> None:
+    def _log_change(self, module: str, state: str, error: int) -> None:
         """Log what is new."""
-        if self._told.get(module) != (state, error):
-            self._told[module] = (state, error)
+        if self._logged.get(module) != (state, error):
+            self._logged[module] = (state, error)
             _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)
 
     # --- to the board
@@ -299,15 +183,15 @@ class Bridge:
             return
         if self._heartbeat.due(now_s):
             self._heartbeats += 1
-            self._send(Hb(self._heartbeats % 65536, epoch), now_s)
+            self._link.send(Hb(self._heartbeats % 65536, epoch), now_s)
         if car is None:
             return
         if car.stop_latched and self._arming.due(now_s):
-            self._send(Rel(epoch), now_s)
+            self._link.send(Rel(epoch), now_s)
         elif car.state == CarState.DISARMED and self._arming.due(now_s):
-            self._send(Start(protocol.HASH, epoch), now_s)
+            self._link.send(Start(protocol.HASH, epoch), now_s)
         elif (command := self._undelivered(car)) is not None and self._driving.due(now_s):
-            self._send(translation.drive_line(command), now_s)
+            self._link.send(translation.drive_line(command), now_s)
 
     def _undelivered(self, car: CarSta) -> DriveCommand | None:
         """What a working board neither has nor has given up; a command to stand is given up by nobody."""
@@ -324,15 +208,7 @@ class Bridge:
         if (stopped or car.state in _WORKING) and not car.stop_latched:
             self._send_stop(now_s)
         if stopped and stop.epoch < self._gate.epoch and self._teaching.due(now_s):
-            self._send(Stop(self._gate.epoch), now_s)
-
-    def _send(self, message: Message, now_s: float) -> None:
-        assert self._started_s is not None
-        self._write(encode(message, int((now_s - self._started_s) * 1000.0)))
-
-    def _write(self, data: bytes) -> None:
-        assert self._port is not None
-        self._port.write(data)
+            self._link.send(Stop(self._gate.epoch), now_s)
 
     # --- its own status
 
@@ -344,27 +220,24 @@ class Bridge:
             and self._car is not None
             and self._car.state not in (CarState.BOOT, CarState.FAULT)
         )
-        ready = self._link is LinkState.CONNECTED and board_ready
-        state = self._link.value
-        if self._link is LinkState.CONNECTED:
+        ready = self._link.connected and board_ready
+        state = self._link.state.value
+        if self._link.connected:
             state = "MOVE" if self._may_move else "STOPPED" if self._gate.stop_sources else "HOLD"
         self._status.report(bus, now_s, state=state, error=error, ready=ready, detail=detail)
 
     def _trouble(self, now_s: float) -> tuple[ErrorCode, str]:
-        if self._noise[-1][1] != self._decoder.bad_lines:
-            self._noise.append((now_s, self._decoder.bad_lines))
-        while len(self._noise) > 1 and self._noise[1][0] < now_s - NOISE_WINDOW_S:
-            self._noise.popleft()
-        if self._link is LinkState.MISMATCH:
+        bad_lines = self._link.bad_lines_lately(now_s)
+        if self._link.state is LinkState.MISMATCH:
             return ErrorCode.PROTOCOL_MISMATCH, ""
-        if self._link is not LinkState.CONNECTED:
-            return ErrorCode.SERIAL_LOST, self._why_closed
+        if not self._link.connected:
+            return ErrorCode.SERIAL_LOST, self._link.why_closed
         if self._gate.stop_sources:
             return ErrorCode.STOP_LATCHED, ",".join(sorted(self._gate.stop_sources))
         if not self._may_move:
             return ErrorCode.NO_PERMIT, ""
-        if self._noise[-1][1] - self._noise[0][1] >= NOISE_LINES:
-            return ErrorCode.LINE_NOISE, f"bad_lines={self._decoder.bad_lines}"
+        if bad_lines >= NOISE_LINES:
+            return ErrorCode.LINE_NOISE, f"bad_lines={self._link.bad_lines}"
         return ErrorCode.OK, ""
 
 

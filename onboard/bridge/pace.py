@@ -1,0 +1,19 @@
+"""Something that is done again and again, at most every so often. Pure; the time is given."""
+
+from __future__ import annotations
+
+
+class Pace:
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._done_s = float("-inf")
+
+    def due(self, now_s: float) -> bool:
+        """Now? Then it counts as done."""
+        if now_s - self._done_s < self._period_s - 1e-6:
+            return False
+        self._done_s = now_s
+        return True
+
+    def reset(self) -> None:
+        self._done_s = float("-inf")
