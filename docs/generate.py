@@ -1,4 +1,5 @@
-"""Writes the parts of the pages that the code knows best: settings, topics, error codes, verbs, the mission.
+"""Writes the parts of the pages that the code knows best: settings, topics, modules, error codes, verbs, exports, the
+mission's table.
 
     .venv/bin/python docs/generate.py
 
@@ -21,6 +22,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from common.config import Config, config_text
 from common.errors import ERRORS
 from common.messages import INTERNAL_FLOWS, TOPICS, LogLine, Status, Topic
+from common.modules import MODULES
 from common.rules import Between
 from deploy.cli import build_parser
 from offboard.export.formats import EXPORTS
@@ -221,10 +223,26 @@ def exports() -> str:
     return _table("format | what | on the page too", rows)
 
 
+def modules() -> str:
+    """The table of modules, each with its page."""
+    rows = [
+        (
+            f"[{module.name}](modules/{module.name if module.package else 'firmware'}.md)",
+            module.title,
+            module.code,
+            module.board.value,
+            f"`{module.package}`" if module.package else "firmware",
+        )
+        for module in MODULES
+    ]
+    return _table("module | for people | specification | computer | package", rows)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "mission-table": mission_table,
     "mission-modes": mission_modes,
     "mission-diagram": mission_diagram,
+    "modules": modules,
     "settings": settings,
     "topics": topics,
     "errors": errors,
