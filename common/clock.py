@@ -135,7 +135,7 @@ class FollowerClock:
     def begin(self, stop: threading.Event) -> float:
         """Who joins late begins with the present, and is waited for from its first answer on."""
         self._wait_for(TICK_S, stop)
-        threading.Thread(target=self._say_busy, args=(stop,), daemon=True).start()
+        threading.Thread(target=self._report_busy, args=(stop,), daemon=True).start()
         return self._now_s
 
     def wait_until(self, t_s: float, stop: threading.Event) -> float:
@@ -148,7 +148,7 @@ class FollowerClock:
         self._working_since_wall_s = time.monotonic()
         return t_s
 
-    def _say_busy(self, stop: threading.Event) -> None:
+    def _report_busy(self, stop: threading.Event) -> None:
         """A thread of its own: it freezes and dies with the process, but not in a long step."""
         while not stop.wait(SILENT_S / 4):
             since_s, idle_until_s = self._working_since_wall_s, self._idle_until_s

@@ -19,7 +19,7 @@ class StartError(Exception):
 
 
 def sentence(error: Exception) -> str:
-    """What a person is told, on one line: of a system's error the file and what is wrong with it."""
+    """The sentence for a person, on one line: of a system's error the file and what is wrong with it."""
     text = str(error)
     if isinstance(error, OSError) and error.strerror is not None:
         file = error.filename2 or error.filename

@@ -45,8 +45,8 @@ def field_of(name: str, hint: Any) -> Field:
     """Of its name and an annotation as the message table has them; raises TypeError for one that says too little."""
     notes: Notes = {}
     if get_origin(hint) is Annotated:
-        hint, *said = get_args(hint)
-        notes = {type(note): note for note in said}
+        hint, *annotations = get_args(hint)
+        notes = {type(note): note for note in annotations}
     kind = get_origin(hint) or hint
     make = _member if issubclass(kind, Enum) else _MAKERS[kind]
     try:

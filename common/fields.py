@@ -1,4 +1,4 @@
-"""The words that the message table is written in: what a field may hold, and within which bounds.
+"""The types that the message table is written in: what a field may hold, and within which bounds.
 
 The bounds are physical and generous. What lies beyond them is no measurement but damage or malice, and no node's step
 ever sees it: the codec refuses such a message (text alone is cut and cleaned, `plain_text`). Publishing is held to the
@@ -95,7 +95,7 @@ Photo = Annotated[bytes, UpTo(1_000_000)]
 
 Boot = Annotated[int, Within(0, 2**16 - 1)]
 Epoch = Annotated[int, Within(0, 2**31 - 1)]  # as the board keeps it
-STOPS_MAX = 32  # that are told of at a time
+STOPS_MAX = 32  # that are reported at a time
 StopSources = Annotated[tuple[Word, ...], Shape(("S",)), UpTo(STOPS_MAX)]
 StopIds = Annotated[tuple[Identity, ...], Shape(("I",)), UpTo(STOPS_MAX)]
 StopNames = Annotated[tuple[Word, ...], Shape(("I",)), UpTo(STOPS_MAX)]

@@ -1,4 +1,4 @@
-"""THE message table: one frozen dataclass per payload, one topic per variable, one place for who tells what to whom.
+"""The message table: one frozen dataclass per payload, one topic per variable, its producer and consumers.
 
 Key on the bus: `<robot>/<module>/<variable>`. Every payload has `t_s`, when its content was measured on the sender's
 clock; every output has `valid`, false when an input it rests on was not alive and valid. Sequence number and boot id
@@ -112,7 +112,7 @@ class Odometry:
     cliff: bool
     session: Identity  # changes when the board restarts: ticks and yaw begin anew
     valid: bool = True
-    yaw_by_walls_rad: Radians = 0.0  # that much of `yaw_rad` is told by walls, the rest by the gyro
+    yaw_by_walls_rad: Radians = 0.0  # that much of `yaw_rad` comes from walls, the rest from the gyro
 
 
 @dataclass(frozen=True, slots=True)
@@ -454,7 +454,7 @@ class Topic(Generic[P]):
 
     @property
     def is_command(self) -> bool:
-        """A person's word to the robot: only the command center says it."""
+        """A person's command to the robot: only the command center publishes it."""
         return self.producer == "command_center" and self.qos is QosProfile.COMMAND
 
 

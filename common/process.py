@@ -1,6 +1,6 @@
 """One process = one node: arguments, configuration, log, clock, signals, the rate of its steps, and its exit code.
 
-Exit codes: 0 ended as asked, 1 unexpected error (in the log), 2 cannot begin as asked (one sentence on stderr).
+Exit codes: 0 ended as ordered, 1 unexpected error (in the log), 2 cannot begin as ordered (one sentence on stderr).
 """
 
 from __future__ import annotations

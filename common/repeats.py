@@ -1,4 +1,4 @@
-"""Complaints that come again and again: told once a second, with how often they came. Pure."""
+"""Warnings that come again and again: logged once a second, with how often they came. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Repeats:
         self._seen: OrderedDict[str, tuple[float, int]] = OrderedDict()  # when reported last, how often it came
 
     def count(self, complaint: str, now_s: float) -> int:
-        """How often it came so far, this time too; 0 while it need not be told again."""
+        """How often it came so far, this time too; 0 while it need not be logged again."""
         reported_s, count = self._seen.pop(complaint, (float("-inf"), 0))
         due = now_s - reported_s >= _PERIOD_S
         self._seen[complaint] = now_s if due else reported_s, count + 1

@@ -1,4 +1,4 @@
-"""How much a process answers to questions about what was said before: what lives must not wait for it. Pure.
+"""How much a process replies to queries for earlier messages: live messages must not wait for it. Pure.
 
 A token bucket of bytes. Every answer costs something, so that it bounds their rate as well.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import inf
 
-RATE_BYTES_S = 2_000_000  # what a fair Wi-Fi carries; nobody drives by what is asked for
+RATE_BYTES_S = 2_000_000  # what a fair Wi-Fi carries; what is queried steers no robot
 BURST_BYTES = 4_000_000  # all that a process has kept, for one who has just come
 ANSWER_BYTES_MIN = 10_000  # what an answer costs at least: two hundred a second in the long run
 

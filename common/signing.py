@@ -38,7 +38,7 @@ class Signer:
 
     @property
     def ready(self) -> bool:
-        """The robot has said what to sign over, or that it wants no signature."""
+        """The robot has sent a challenge, or the empty one: it wants no signature."""
         return self._challenge is not None
 
     def receive(self, challenge: bytes) -> None:
@@ -59,7 +59,7 @@ class Verifier:
         self._taken: dict[bytes, dict[tuple[str, int], int]] = {}
 
     def receive(self, challenge: bytes) -> None:
-        """What the newest permit says."""
+        """Of the newest permit."""
         if challenge == self._newest:
             return
         if self._newest is not None and challenge not in self._taken:

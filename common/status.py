@@ -1,4 +1,4 @@
-"""How every module says ten times a second that it lives (CC_MR_03): its state, error code, memory and heartbeat count.
+"""How every module reports ten times a second that it runs (CC_MR_03): state, error code, memory, heartbeat count.
 
 A node calls `report` in every step -> `STATUS[module]`, read by the watchdog of comm, the recorder, the command center.
 """
@@ -28,7 +28,7 @@ def resident_memory_kb() -> int:
 
 
 class StatusPace:
-    """When the next status is due: STATUS_RATE_HZ on the average, however unevenly it is asked."""
+    """When the next status is due: STATUS_RATE_HZ on the average, however unevenly `due` is called."""
 
     def __init__(self) -> None:
         self._due_s = float("-inf")

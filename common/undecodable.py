@@ -1,4 +1,4 @@
-"""Messages that nothing can be made of: counted by topic, told with every doubling."""
+"""Messages that cannot be decoded: counted by topic, logged with every doubling."""
 
 from __future__ import annotations
 

@@ -46,43 +46,47 @@ class ZenohLog:
         self._repeats = Repeats()
         self._speakers: OrderedDict[str, str] = OrderedDict()  # Zenoh's id of who is linked -> what he is known by
         self._rights: dict[str, tuple[str, str]] = {}  # thread -> id and key whose rights it may be working out
-        self._rest = ""
+        self._partial_line = ""
 
     def receive(self, written: str, now_s: float) -> None:
         """The next piece of what Zenoh wrote; a line may be cut anywhere."""
-        *lines, self._rest = (self._rest + written).split("\n")
+        *lines, self._partial_line = (self._partial_line + written).split("\n")
         for coloured in lines:
             if "TRACE" in coloured and "unauthorized" not in coloured:
                 continue
             line = _COLOUR.sub("", coloured)
             if refusal := _REFUSAL.search(line):
-                self._hear_refusal(refusal, now_s)
+                self._receive_refusal(refusal, now_s)
             elif found := _LINE.match(line):
-                self._tell(logging.getLevelNamesMapping()[found["level"]], f"{found['source']}: {found['text']}", now_s)
+                self._log_repeated(
+                    logging.getLevelNamesMapping()[found["level"]], f"{found['source']}: {found['text']}", now_s
+                )
 
-    def _hear_refusal(self, refusal: re.Match[str], now_s: float) -> None:
+    def _receive_refusal(self, refusal: re.Match[str], now_s: float) -> None:
         link, key, thread = refusal["link"], refusal["key"], refusal["thread"]
         if refusal["subject"] and link not in self._speakers:
             certificate = _CERTIFICATE.search(refusal["subject"])
             self._speakers[link] = f"certificate={certificate[1]}" if certificate else "from=loopback"
             if len(self._speakers) > _LINKS_KEPT:
                 self._speakers.popitem(last=False)
-        # When a link declares a key, all rights are worked out in one go, to reply before to put: nothing was said yet
+        # When a link declares a key, all rights are worked out in one go, to reply before to put: nothing was sent yet
         if refusal["act"] == "Reply":
             self._rights[thread] = link, key
         elif self._rights.pop(thread, None) != (link, key):
             topic = key if key in _KEYS else "other"
             speaker = self._speakers.get(link, "from=unknown")
-            self._tell(logging.WARNING, f"a message was refused: it has no right to it {speaker} topic={topic}", now_s)
+            self._log_repeated(
+                logging.WARNING, f"a message was refused: it has no right to it {speaker} topic={topic}", now_s
+            )
 
-    def _tell(self, level: int, text: str, now_s: float) -> None:
+    def _log_repeated(self, level: int, text: str, now_s: float) -> None:
         count = self._repeats.count(_NUMBER.sub("", text), now_s)
         if count:
             _log.log(level, "%s count=%d", text, count)
 
 
 class ZenohOutput:
-    """From its making on, this process's standard output as a file in memory, and what Zenoh says there."""
+    """From its making on, this process's standard output as a file in memory, and what Zenoh writes there."""
 
     def __init__(self) -> None:
         self._log = ZenohLog()
@@ -92,7 +96,7 @@ class ZenohOutput:
         self._read_bytes = 0
 
     def report(self, now_s: float) -> None:
-        """Logs what was said since the last call, or a part of it."""
+        """Logs what was written since the last call, or a part of it."""
         written = os.pread(self._file, _READ_BYTES, self._read_bytes)
         if not written:
             return

@@ -121,7 +121,7 @@ class Figures:
 
 
 def _sender(kind: str, config: Config, orders: Connection) -> None:
-    """Sends so many messages in such a period when it is told to; answers with the processor time they took."""
+    """Sends so many messages in such a period on request; replies with the processor time they took."""
     end = ENDS[kind]("mmu", config)
     end.publish(_pose(0.0))
     try:
@@ -138,7 +138,7 @@ def _sender(kind: str, config: Config, orders: Connection) -> None:
 
 
 def _receiver(kind: str, config: Config, orders: Connection, by_steps: bool) -> None:
-    """Whenever asked: (latencies since the last time, messages taken, processor time) since it was asked last."""
+    """On request: (latencies, messages taken, processor time) since the request before."""
     end = ENDS[kind]("poi", config)
     latencies_s: list[float] = []
     if not by_steps:
@@ -171,17 +171,17 @@ class Pair:
         ]
         for process in self._processes:
             process.start()
-        self._ask()
+        self._request()
         time.sleep(_SETTLE_S)  # both are there; until they have found each other
         self.run(WARM_UP, LATENCY_PERIOD_S)
 
     def run(self, count: int, period_s: float) -> tuple[list[float], int, float, float]:
         """Latencies, how many came, processor time of sender and receiver (s)."""
-        self._ask()
+        self._request()
         self._to_sender.send((count, period_s))
         sending_s = self._to_sender.recv()
         time.sleep(5 * STEP_S)
-        came, taken, receiving_s = self._ask()
+        came, taken, receiving_s = self._request()
         return came, taken, sending_s, receiving_s
 
     def close(self) -> None:
@@ -190,7 +190,7 @@ class Pair:
         for process in self._processes:
             process.join(5.0)
 
-    def _ask(self) -> tuple[list[float], int, float]:
+    def _request(self) -> tuple[list[float], int, float]:
         self._to_receiver.send("report")
         answer: tuple[list[float], int, float] = self._to_receiver.recv()
         return answer

@@ -21,18 +21,18 @@ SECONDS = 20.0
 
 
 class CountingBoard(AvrBoard):
-    """Counts what it says."""
+    """Counts what it sends."""
 
-    said = 0
+    sent_bytes = 0
 
     def serial_read(self) -> bytes:
         data = super().serial_read()
-        self.said += len(data)
+        self.sent_bytes += len(data)
         return data
 
 
 def bench(_: bool) -> None:
-    """Prints the figures; a short run says all there is to say."""
+    """Prints the figures; a short run is enough."""
     board = CountingBoard()
     profile = PROFILES["realistic"]
     line = SerialLine(profile, random_stream(0, "serial"), STEP_S)
@@ -44,11 +44,11 @@ def bench(_: bool) -> None:
         link.step(world.time_s)
     heading_deg = link.odo.yaw_cdeg / 100.0 if link.odo is not None else 0.0
     link.drive(Speed.MEDIUM, heading_deg)
-    begin_s, said = world.time_s, board.said
+    begin_s, sent_bytes = world.time_s, board.sent_bytes
     while world.time_s < begin_s + SECONDS:
         world.step()
         link.step(world.time_s)
-    bytes_per_s = (board.said - said) / SECONDS
+    bytes_per_s = (board.sent_bytes - sent_bytes) / SECONDS
     size = subprocess.check_output(["avr-size", build_avr_firmware()], text=True).splitlines()[1].split()
     sys.stdout.write(
         f"flash {int(size[0]) + int(size[1])} bytes, variables {int(size[1]) + int(size[2])} bytes\n"

@@ -163,8 +163,8 @@ def instructions_per_step() -> float | None:
     totals = []
     for reports in COUNTED_REPORTS:
         command = [valgrind, "--tool=callgrind", "--callgrind-out-file=/dev/null"]
-        told = _run([*command, *_own_command("--count", str(reports))], capture_output=True, text=True).stderr
-        totals.append(int(re.findall(r"Collected : (\d+)", told)[0]))
+        report = _run([*command, *_own_command("--count", str(reports))], capture_output=True, text=True).stderr
+        totals.append(int(re.findall(r"Collected : (\d+)", report)[0]))
     steps = round((COUNTED_REPORTS[1] - COUNTED_REPORTS[0]) / SENSOR_RATE_HZ / MappingUnit.period_s)
     return (totals[1] - totals[0]) / steps
 

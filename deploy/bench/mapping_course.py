@@ -66,7 +66,7 @@ class Course:
         driven_m = turned_rad = 0.0
         left_m = right_m = 0.0
         last: Pose2 | None = None
-        for tick, pose in enumerate(self._way()):
+        for tick, pose in enumerate(self._path()):
             step_m = 0.0 if last is None else last.distance_m(pose)
             step_rad = 0.0 if last is None else wrap_angle(pose.heading_rad - last.heading_rad)
             driven_m, turned_rad, last = driven_m + step_m, turned_rad + step_rad, pose
@@ -80,7 +80,7 @@ class Course:
             if driven_m >= metres:
                 return
 
-    def _way(self) -> Iterator[Pose2]:
+    def _path(self) -> Iterator[Pose2]:
         """True poses: round the left island, then round the right one, again and again."""
         low, high = HALL_M / 2, WIDTH_M - HALL_M / 2
         left, right = HALL_M / 2, LENGTH_M - HALL_M / 2
@@ -105,9 +105,9 @@ class Course:
         distance = np.hypot(feet[:, 0], feet[:, 1])
         near = distance < SONAR_MAX_M
         bearing = np.arctan2(feet[near, 1], feet[near, 0]) - pose.heading_rad
-        return tuple(self._heard(b, bearing, distance[near]) for b in SONAR_BEARINGS_RAD)
+        return tuple(self._echoes(b, bearing, distance[near]) for b in SONAR_BEARINGS_RAD)
 
-    def _heard(self, bearing_rad: float, bearings: FloatArray, distances: FloatArray) -> float:
+    def _echoes(self, bearing_rad: float, bearings: FloatArray, distances: FloatArray) -> float:
         off = wrap_angles(bearings - bearing_rad)
         in_beam = distances[np.abs(off) < BEAM_HALF_RAD]
         if not len(in_beam) or self._random.random() < LOST_SHARE:

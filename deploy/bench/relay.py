@@ -23,7 +23,7 @@ class Relay:
         self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
         self.delay_s = 0.0
         self.rate_bytes_s = rate_bytes_s
-        self.carried_bytes = 0
+        self.relayed_bytes = 0
         self._free_s = 0.0  # when the link has carried what was taken so far
         self._turn = threading.Lock()
         self._up = threading.Event()
@@ -40,7 +40,7 @@ class Relay:
         self._sockets.clear()
 
     def silence(self) -> None:
-        """Nothing is passed on, and nobody is told."""
+        """Nothing is passed on, and neither side is notified."""
         self._up.clear()
 
     def restore(self) -> None:
@@ -89,7 +89,7 @@ class Relay:
     def _carry(self, count: int) -> None:
         """Returns when the link has carried so many bytes more; whoever asks first has the first turn."""
         with self._turn:
-            self.carried_bytes += count
+            self.relayed_bytes += count
             if not self.rate_bytes_s:
                 return
             self._free_s = max(self._free_s, time.monotonic()) + count / self.rate_bytes_s

@@ -193,9 +193,9 @@ def bench(quick: bool) -> None:
             print(f"idle link: {percentiles(measure(mesh, count))} of {count} stops", flush=True)
             photos = Photos(mesh.robot, mesh.laptop)
             time.sleep(_FILL_S)
-            began_s, carried = time.monotonic(), mesh.relay.carried_bytes
+            began_s, relayed = time.monotonic(), mesh.relay.relayed_bytes
             latencies_s = measure(mesh, count)
-            share = (mesh.relay.carried_bytes - carried) / (time.monotonic() - began_s) / RATE_BYTES_S
+            share = (mesh.relay.relayed_bytes - relayed) / (time.monotonic() - began_s) / RATE_BYTES_S
             print(f"link of 2 MB/s, {100 * share:.0f} % full: {percentiles(latencies_s)} of {count} stops", flush=True)
         finally:
             if photos is not None:

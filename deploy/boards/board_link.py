@@ -1,7 +1,7 @@
 """The board at the end of its serial line, in a person's hand: what `check-sensors`, `drive` and `calibrate` speak.
 
 Port -> messages of the board; heartbeats and commands -> port. It stands where the bridge stands otherwise, and keeps
-the bridge's rules: silent until HELLO, heartbeats only while motion is allowed. It never asks the time itself.
+the bridge's rules: silent until HELLO, heartbeats only while motion is allowed. The time is given.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class BoardLink:
         self._port = port
         self._decoder = LineDecoder()
         self._began_s: float | None = None
-        self._heard_s = -inf
-        self._beat_s = self._told_s = -inf
+        self._received_s = -inf
+        self._heartbeat_s = self._commanded_s = -inf
         self._heartbeat_count = 0
         self._command: Drv | None = None
         self._last_id = 0
@@ -66,9 +66,9 @@ class BoardLink:
             self._began_s = now_s
         messages = [received.message for received in self._decoder.feed(self._port.read())]
         for message in messages:
-            self._heard_s = now_s
+            self._received_s = now_s
             self._keep(message)
-        if now_s - self._heard_s > LOST_S:
+        if now_s - self._received_s > LOST_S:
             self._forget()
         if self.connected and self._moving_allowed:
             self._keep_moving(now_s)
@@ -91,7 +91,7 @@ class BoardLink:
         known = (self.car.command_id, self.car.completed_id, self.car.aborted_id) if self.car is not None else ()
         self._last_id = max(self._last_id, *known) + 1
         self._command = Drv(BOOT, self._last_id, int(speed), round(yaw_deg * 100.0) % 36000)
-        self._told_s = -inf
+        self._commanded_s = -inf
         return self._last_id
 
     @property
@@ -140,25 +140,25 @@ class BoardLink:
         self._command = None
 
     def _keep_moving(self, now_s: float) -> None:
-        if now_s - self._beat_s >= HEARTBEAT_PERIOD_S - 1e-6:
-            self._beat_s = now_s
+        if now_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S - 1e-6:
+            self._heartbeat_s = now_s
             self._heartbeat_count = (self._heartbeat_count + 1) % 65536
             self._send(Hb(self._heartbeat_count, self._board_epoch), now_s)
-        if self.car is None or now_s - self._told_s < REPEAT_S - 1e-6:
+        if self.car is None or now_s - self._commanded_s < REPEAT_S - 1e-6:
             return
         if self.car.stop_latched:
-            self._tell(Rel(self._board_epoch), now_s)
+            self._send_command(Rel(self._board_epoch), now_s)
         elif self.car.state == CarState.DISARMED:
-            self._tell(Start(protocol.HASH, self._board_epoch), now_s)
+            self._send_command(Start(protocol.HASH, self._board_epoch), now_s)
         elif self._command is not None:
             known = (self.car.command_id, self.car.completed_id, self.car.aborted_id)
             if self.car.boot == BOOT and self._command.command_id in known:
                 self._command = None
             elif self.ready:
-                self._tell(self._command, now_s)
+                self._send_command(self._command, now_s)
 
-    def _tell(self, message: Message, now_s: float) -> None:
-        self._told_s = now_s
+    def _send_command(self, message: Message, now_s: float) -> None:
+        self._commanded_s = now_s
         self._send(message, now_s)
 
     def _send(self, message: Message, now_s: float) -> None:

@@ -45,7 +45,7 @@ class BoardSession:
             self.step()
 
     def connect(self) -> None:
-        """Until the board has said HELLO and its gyro is calibrated."""
+        """Until HELLO of the board has come and its gyro is calibrated."""
         self.until(
             lambda: self.link.connected,
             CONNECT_S,

@@ -34,7 +34,7 @@ def summarise(folder: Path, work: Path, options: RunOptions, view: PlannerView, 
 
 
 def read_steps(folder: Path) -> dict[str, StepTimes]:
-    """What each process said at its end of how long its steps took; who was killed said nothing."""
+    """How long the steps of each process took, as it wrote at its end; a killed one wrote nothing."""
     steps = {}
     for file in sorted(folder.glob(f"*{STEPS_SUFFIX}")):
         with suppress(OSError, ValueError, KeyError, TypeError):

@@ -49,7 +49,7 @@ class Child:
             lines = self.stderr.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         except OSError:
             lines = []
-        return lines[-1] if lines else f"{self.name} ended without a word"
+        return lines[-1] if lines else f"{self.name} ended without a message"
 
 
 @dataclass
@@ -61,7 +61,7 @@ class Supervisor:
     settled: bool = False  # after start-up a process that cannot begin is tried again, before it ends the whole
 
     def start(self, name: str, module: str, arguments: Sequence[str], restart: bool = True) -> None:
-        """Starts `python -m module arguments`, told to end with this process."""
+        """Starts `python -m module arguments`, which ends with this process."""
         command = [sys.executable, "-m", module, "--parent", str(os.getpid()), *arguments]
         child = Child(name, command, self.log_dir / f"{name}.stderr", restart)
         self.children[name] = child

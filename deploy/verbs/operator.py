@@ -116,7 +116,7 @@ def _operation(arguments: argparse.Namespace) -> int:
 
 
 def _check_place(text: str) -> None:
-    """What is wrong with the words themselves needs no mesh to be said."""
+    """A mistake in the words themselves is reported without a mesh."""
     try:
         coordinates(text)
     except UnknownPlace as error:

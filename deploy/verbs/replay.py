@@ -66,16 +66,16 @@ def _replay(arguments: argparse.Namespace) -> int:
     _check(arguments)
     log = read_range_log(arguments.log, arguments.beams, arguments.max_range, arguments.field_of_view)
     for note in log.notes:
-        _say(note)
+        _print_note(note)
     run = replay(log, arguments.beam_half_width)
     write_replay(arguments.out, run)
     for frame in run.loose:
-        _say(
+        _print_note(
             f"{arguments.log}, line {log.lines[frame]}: nothing seen from here on was recognised in the map from "
             "before; how the two lie to each other is a guess."
         )
     if not len(run.points):
-        _say(
+        _print_note(
             f"{arguments.log}: no wall was found. Scans are {log.step_m:.2f} m apart; a wall shows where four of them "
             "see it within 2 m of way, so record a frame every 0.2 m."
         )
@@ -83,7 +83,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _say(sentence: str) -> None:
+def _print_note(sentence: str) -> None:
     sys.stderr.write(f"indoor-mapping: {sentence}\n")
 
 

@@ -76,7 +76,7 @@ class CommandCenterApp(OperatorActions, App[int]):
         self.main = MainScreen(page)
         self._robot = robot
         self._stop = stop or threading.Event()
-        self._told_operation = 0
+        self._reported_operation = 0
 
     def notify(
         self,
@@ -125,8 +125,8 @@ class CommandCenterApp(OperatorActions, App[int]):
                 screen.stop_bar.show(snapshot, self._robot)
                 screen.show(snapshot)
         result = snapshot.operation
-        if result is not None and result.answer is not Answer.WAITING and result.serial != self._told_operation:
-            self._told_operation = result.serial
+        if result is not None and result.answer is not Answer.WAITING and result.serial != self._reported_operation:
+            self._reported_operation = result.serial
             self.notify(result.sentence, severity="information" if result.answer is Answer.TAKEN else "error")
 
     def pull_bar(self) -> None:

@@ -77,8 +77,8 @@ class CommandCenter:
         self._rates = {module: RateMeter() for module in STATUS}
         self._logs: deque[LogEntry] = deque()
         self._dropped = 0
-        self._told_topics: frozenset[str] = frozenset()
-        self._joined_topics: frozenset[str] = frozenset()
+        self._shown_topics: frozenset[str] = frozenset()
+        self._subscribed_topics: frozenset[str] = frozenset()
         self._map = MapAssembly()
         self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_MAX)
         self._findings = dict(findings or {})
@@ -143,15 +143,15 @@ class CommandCenter:
             walls_m, inferred = self._map.known()
             trail_m = np.array(self._trail, dtype=np.float64).reshape(-1, 2)
             snapshot = self._snapshot
-        way_m = snapshot.view.path_m if snapshot.view is not None else np.zeros((0, 2), np.float32)
+        path_m = snapshot.view.path_m if snapshot.view is not None else np.zeros((0, 2), np.float32)
         live = freshness(snapshot.pose_age_s) is Freshness.LIVE
-        return FloorPicture(walls_m, inferred, trail_m, way_m, snapshot.findings, snapshot.pose, live)
+        return FloorPicture(walls_m, inferred, trail_m, path_m, snapshot.findings, snapshot.pose, live)
 
     def show_messages(self, topics: frozenset[str]) -> None:
         """From now on every message of these topics comes with the log."""
         with self._lock:
-            self._told_topics = topics
-            self._joined_topics |= topics
+            self._shown_topics = topics
+            self._subscribed_topics |= topics
 
     def operate(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
         """Sends a command to the Planner; a newer one replaces one that is not taken yet."""
@@ -168,7 +168,7 @@ class CommandCenter:
 
     def _take(self, bus: Bus, topic: Topic[P], now_s: float) -> list[P]:
         messages = bus.take(topic)
-        if topic.key in self._told_topics:
+        if topic.key in self._shown_topics:
             for payload in messages:
                 text = as_text(topic.producer, self.name, payload)
                 self._keep(LogEntry(now_s, topic.producer, topic.key, MESSAGE_LEVEL, text, text))
@@ -180,7 +180,7 @@ class CommandCenter:
                 text = as_text(module, self.name, line)
                 self._keep(LogEntry(now_s, module, topic.key, line.level, text, line.text))
         for other in MESSAGE_TOPICS:
-            if other.key in self._joined_topics and other.key not in _OWN_TOPICS:
+            if other.key in self._subscribed_topics and other.key not in _OWN_TOPICS:
                 self._take(bus, other, now_s)
 
     def _keep(self, entry: LogEntry) -> None:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from offboard.command_center.snapshot import FloorPicture
 
 # Later ones are drawn over earlier ones
-EMPTY, WAY, TRAIL, INFERRED, WALL = range(5)
+EMPTY, PATH, TRAIL, INFERRED, WALL = range(5)
 ARROWS = "→↗↑↖←↙↓↘"
 MIN_SQUARE_M = 0.1
 MARGIN_M = 0.5
@@ -44,7 +44,7 @@ def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
     codes = np.zeros((2 * rows, columns), np.uint8)
     pose = picture.pose
     robot_m = np.array([[pose.x_m, pose.y_m]] if pose is not None else []).reshape(-1, 2)
-    known = [part for part in (picture.walls_m, picture.trail_m, picture.way_m, robot_m) if len(part)]
+    known = [part for part in (picture.walls_m, picture.trail_m, picture.path_m, robot_m) if len(part)]
     if not known:
         return Raster(codes, MIN_SQUARE_M, frozenset(), None, "")
     low = np.min([part.min(axis=0) for part in known], axis=0).astype(np.float64) - MARGIN_M
@@ -58,7 +58,7 @@ def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
         scaled = scaled[inside]
         return 2 * rows - 1 - scaled[:, 1], scaled[:, 0]
 
-    codes[squares(_densified(picture.way_m, pose, square_m))] = WAY
+    codes[squares(_densified(picture.path_m, pose, square_m))] = PATH
     codes[squares(picture.trail_m)] = TRAIL
     for inferred, code in ((True, INFERRED), (False, WALL)):
         for start in range(0, len(picture.walls_m), _POINTS_AT_ONCE):
@@ -75,9 +75,9 @@ def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
     return Raster(codes, square_m, findings, robot, arrow)
 
 
-def _densified(way_m: npt.NDArray[np.float32], pose: object, square_m: float) -> npt.NDArray[np.float64]:
+def _densified(path_m: npt.NDArray[np.float32], pose: object, square_m: float) -> npt.NDArray[np.float64]:
     """Points along the way so near to each other that they leave no gap."""
-    corners = way_m.reshape(-1, 2).astype(np.float64)
+    corners = path_m.reshape(-1, 2).astype(np.float64)
     x_m, y_m = getattr(pose, "x_m", None), getattr(pose, "y_m", None)
     if x_m is not None and y_m is not None and len(corners):
         corners = np.concatenate([[[x_m, y_m]], corners])

@@ -70,7 +70,7 @@ def hindrance(operation: Operation, permit: Permit | None) -> str:
 
 
 def result_sentence(operation: str, answer: Answer, permit: Permit | None, view: PlannerView | None) -> str:
-    """What a person is told about a command that is over."""
+    """The sentence for a person about a command that is over."""
     held = permit.reason if permit is not None and (permit.stop_sources or not permit.resumed) else ""
     if answer is Answer.TAKEN:
         note = f" {view.note}" if view is not None and view.note else ""

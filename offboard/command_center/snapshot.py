@@ -63,7 +63,7 @@ class FloorPicture:
     walls_m: npt.NDArray[np.float32]  # (N, 2)
     inferred: npt.NDArray[np.uint8]  # (N,)
     trail_m: npt.NDArray[np.float64]  # (M, 2)
-    way_m: npt.NDArray[np.float32]  # (W, 2) what the Planner wants to drive
+    path_m: npt.NDArray[np.float32]  # (W, 2) what the Planner wants to drive
     findings: tuple[Finding, ...]
     pose: PoseEstimate | None
     pose_live: bool

@@ -16,7 +16,7 @@ from common.bus import Bus
 from common.messages import CARRIER, ODOMETRY, PERMIT, Permit, StopRequest
 
 SOURCE = "operator"
-REPEAT_S = 0.02  # the first word of a program that has just joined may get lost
+REPEAT_S = 0.02  # the first message of a program that has just joined may get lost
 LINK_LOST_S = 1.0
 RELEASE_TIMEOUT_S = 5.0
 STANDING_M_S = 0.01
@@ -25,7 +25,7 @@ NO_PERMIT = Permit(0.0, False, "")  # before the first one came: its stop epoch 
 
 
 class Demand(Enum):
-    NONE = "nothing is asked of the robot"
+    NONE = "nothing is demanded of the robot"
     STOP = "a stop that is not confirmed yet"
     RELEASE = "a release that is not confirmed yet"
 
@@ -38,12 +38,12 @@ class Look(Enum):
     LATCHED = "the robot holds it"
     UNKNOWN = "comm was started, and waits for what the Arduino knows"
     RELEASED = "released, nothing moves before a resume"
-    LINK_LOST = "nothing is heard of the robot"
+    LINK_LOST = "nothing arrives from the robot"
 
 
 @dataclass(frozen=True, slots=True)
 class RobotReport:
-    """What the robot said last about its stop and its wheels, and when that arrived here."""
+    """What the robot reported last about its stop and its wheels, and when that arrived here."""
 
     permit: Permit = NO_PERMIT
     permit_s: float = -inf
@@ -51,11 +51,11 @@ class RobotReport:
     speed_m_s: float = 0.0
     odometry_s: float = -inf
     board_epoch: int = 0  # the newest stop that the board knows
-    board_stands: bool = False  # its motors are off and its wheels at rest, said with that epoch
+    board_stands: bool = False  # its motors are off and its wheels at rest, reported with that epoch
     button_pressed: bool = False
 
     def linked(self, now_s: float) -> bool:
-        """comm, through which the robot speaks, was heard a moment ago."""
+        """A permit of comm, which reports for the robot, came a moment ago."""
         return now_s - self.permit_s <= LINK_LOST_S
 
     def wheels_known(self, now_s: float) -> bool:
@@ -100,7 +100,7 @@ def confirmed(report: RobotReport, control: StopControl) -> bool:
 
 
 def pressed(control: StopControl, now_s: float, stop_id: int) -> StopControl:
-    """Somebody wants the robot to stop, whatever is known of it; a press that is still being sent goes on as it was."""
+    """A person wants the robot to stop, whatever its state; a press that is still being sent goes on as it was."""
     return control if control.demand is Demand.STOP else StopControl(Demand.STOP, now_s, stop_id=stop_id)
 
 
@@ -120,14 +120,14 @@ def release_hindrance(control: StopControl, report: RobotReport, now_s: float) -
 
 
 def release_requested(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
-    """Somebody wants the stop that is seen released; nothing changes where that must not be."""
+    """A person wants the stop that is shown released; nothing changes where that must not be."""
     if control.demand is Demand.RELEASE or release_hindrance(control, report, now_s):
         return control
     return StopControl(Demand.RELEASE, now_s, epoch=report.permit.stop_epoch)
 
 
 def updated(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
-    """The demand in the light of the robot's newest words."""
+    """The demand in the light of the newest report."""
     if control.demand is Demand.STOP and confirmed(report, control):
         return StopControl(latency_s=max(report.permit_s, report.odometry_s) - control.since_s)
     if control.demand is Demand.RELEASE:
@@ -150,7 +150,7 @@ def request(control: StopControl, now_s: float) -> StopRequest | None:
 
 
 def look(control: StopControl, report: RobotReport, now_s: float) -> Look:
-    """What to show. A stop is shown as latched only on the robot's own and fresh word."""
+    """What to show. A stop is shown as latched only on a fresh report of the robot."""
     if not report.linked(now_s):
         return Look.LINK_LOST
     if control.demand is Demand.STOP:

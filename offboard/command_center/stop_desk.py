@@ -1,4 +1,4 @@
-"""The software stop between three threads: the screen presses, the node hears the robot, `StopSender` sends `STOP`.
+"""The software stop between three threads: the screen presses, the node receives reports, `StopSender` sends `STOP`.
 
 The sender has a thread of its own so that nothing that the node or the screen is busy with holds a stop up.
 """
@@ -64,10 +64,10 @@ class StopDesk:
             new = self._control is not before
         if new:
             self.changed.set()
-            _log.warning("release of the software stop asked")
+            _log.warning("release of the software stop requested")
 
     def receive(self, report: RobotReport, now_s: float) -> StopControl:
-        """The robot's newest words; returns the demand in their light."""
+        """Takes the newest report; returns the demand in its light."""
         with self._lock:
             self._report = report
             before = self._control

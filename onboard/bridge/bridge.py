@@ -1,8 +1,8 @@
 """The bridge: serial line -> `ODOMETRY`, `RANGES`, `DISTANCES`, `CARRIER`, `STATUS[sim]`, `STATUS[car]`;
 `DRIVE`, `PERMIT`, `STOP` -> serial line.
 
-Heartbeats go to the board only while the robot may move; their absence stops it. Towards a board that has not said
-HELLO the bridge is silent: a bootloader that hears anything would never start the sketch.
+Heartbeats go to the board only while the robot may move; their absence stops it. Towards a board that has not sent
+HELLO the bridge is silent: a bootloader that receives anything would never start the sketch.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from common.status import StatusReporter
 from onboard.comm import stop_owner
 from onboard.comm.outbox import FILE_NAME, Outbox
 from onboard.comm.stop_keeper import StopKeeper
-from onboard.comm.stop_owner import BridgeWord, Phase
+from onboard.comm.stop_owner import BridgeReport, Phase
 from onboard.comm.stop_record import RECORD_NAME, Stop
 from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, watch
 
@@ -106,8 +106,9 @@ class Comm:
                 self._stops.change(partial(stop_owner.resume, epoch=command.epoch))
         for report in bus.take(CARRIER):
             stops = tuple(map(Stop, report.stop_names, report.stop_ids))
-            word = BridgeWord(report.comm_life, report.bridge_epoch, report.board_epoch, stops, report.button_pressed)
-            self._stops.change(partial(stop_owner.heard, word=word))
+            epochs = report.bridge_epoch, report.board_epoch
+            known = BridgeReport(report.comm_life, *epochs, stops, report.button_pressed)
+            self._stops.change(partial(stop_owner.on_report, report=known))
 
     def _watch(self, bus: Bus, now_s: float, tokens: frozenset[str] | None) -> Verdict:
         required = self._settings.required
@@ -187,7 +188,7 @@ class Comm:
 
 
 def _essence(permit: Permit) -> tuple[object, ...]:
-    """What must be told at once when it changes."""
+    """What must be published at once when it changes."""
     return permit.granted, permit.stop_sources, permit.stop_epoch, permit.stop_ids, permit.resumed
 
 

@@ -4,7 +4,7 @@ Messages wait in RAM for at most ROW_PERIOD_S, then on the disk, and leave it wh
 has them. Whatever is killed or cut off, a message is known by its sender and number, and ends up in the database once.
 
 Above its limit on the disk only status and log thin out, to one message in THINNED_TO. Which numbers of a sender were
-said and dropped travels with the rows.
+published and dropped travels with the rows.
 """
 
 from __future__ import annotations

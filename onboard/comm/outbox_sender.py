@@ -30,8 +30,8 @@ class _Reached:
 
     offset: int = 0  # where to go on
     sent: int = 0  # how far anything was sent
-    held: int = 0  # the most that the recorder said it has
-    told: int = 0  # what it said last: a recorder that was restarted has nothing
+    held: int = 0  # the most that the recorder reported
+    reported: int = 0  # what it reported last: a recorder that was restarted has nothing
 
 
 class OutboxSender:
@@ -40,7 +40,7 @@ class OutboxSender:
     def __init__(self, outbox_id: int, rows: Rows | None) -> None:
         self._refused = Undecodable("receipt refused")
         self._owner: int | None = None
-        self._owner_heard_s = float("-inf")
+        self._owner_received_s = float("-inf")
         self._resend_due_s = float("-inf")
         self._resend_pause_s = RESEND_S
         self.begin_life(outbox_id, rows)
@@ -59,9 +59,9 @@ class OutboxSender:
     def receive(self, receipt: OutboxReceipt, now_s: float) -> None:
         if receipt.outbox_id != self.outbox_id or not self._is_from_owner(receipt, now_s):
             return
-        if now_s - self._owner_heard_s > RECEIPT_SILENCE_S:
+        if now_s - self._owner_received_s > RECEIPT_SILENCE_S:
             self._resend_due_s, self._resend_pause_s = min(self._resend_due_s, now_s), RESEND_S
-        self._owner_heard_s = now_s
+        self._owner_received_s = now_s
         rows = self.rows
         if rows is None or receipt.number < rows.number:
             return
@@ -79,7 +79,7 @@ class OutboxSender:
             return None
         if now_s >= self._resend_due_s:  # no progress: pieces were lost, or the recorder was restarted
             # All of it in hand, and still no receipt: a recorder that died with it must hear something to answer
-            reached.offset = reached.held = reached.told if reached.told < len(rows.data) else 0
+            reached.offset = reached.held = reached.reported if reached.reported < len(rows.data) else 0
             self._resend_pause_s = min(2 * self._resend_pause_s, RESEND_MAX_S)
             self._resend_due_s = now_s + self._resend_pause_s
         if reached.offset >= len(rows.data) or reached.offset - reached.held >= AHEAD_BYTES:
@@ -94,7 +94,7 @@ class OutboxSender:
         recorder_id = receipt.recorder_id
         if recorder_id == self._owner:
             return True
-        if now_s - self._owner_heard_s <= OWNER_SILENCE_S:
+        if now_s - self._owner_received_s <= OWNER_SILENCE_S:
             self._refused.count(RECEIPT.key, f"recorder {recorder_id} is a second one, rows go to {self._owner} alone")
             return False
         _log.info("rows go to recorder=%d", recorder_id)
@@ -111,7 +111,7 @@ class OutboxSender:
 
     def _progress(self, held: int, now_s: float) -> None:
         reached = self._reached
-        reached.told = held
+        reached.reported = held
         if held > reached.held:
             reached.held = held
             reached.offset = max(reached.offset, held)

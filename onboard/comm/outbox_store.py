@@ -47,7 +47,7 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """What the store looks like after its newest transaction; its first rows where they were asked for."""
+    """What the store looks like after its newest transaction; its first rows where they were wanted."""
 
     outbox_id: int
     stored_bytes: int
@@ -136,7 +136,7 @@ class OutboxStore:
                 (page_bytes,) = database.execute("PRAGMA page_size").fetchone()
                 database.execute(f"PRAGMA max_page_count = {RAM_BYTES // page_bytes}")
             database.executescript(_SCHEMA)
-            # What was said last and is on no disk nobody can count: at least it is said that there may be such
+            # The last messages, if they are on no disk, cannot be counted: the log states that there may be some
             if database.execute("PRAGMA user_version").fetchone() == (_OPEN,):
                 _log.warning("outbox was not closed: after a power cut, what the disk had not taken is missing")
             with suppress(sqlite3.OperationalError):  # a full disk can still be read

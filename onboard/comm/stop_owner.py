@@ -7,11 +7,11 @@
 What stops acts at once and is stored then; what lets the robot move acts only once it is stored. So whatever dies or
 loses power, and whenever: after a latched stop nothing moves before a release of its epoch and a resume of its epoch.
 
-A record that is missing or damaged counts as a stop. After a restart the bridge says which epochs it and the board know
-(`BridgeWord`). Where one is newer, the record is too old; where the bridge was restarted as well, as after every power
-cut, a stop may have acted that was not stored. Both count as a stop, and a stop that is latched over a restart gets a
-new epoch, above all that were ever named. A press that reached only a comm which died with it is not confirmed, so
-whoever pressed sends it again.
+A record that is missing or damaged counts as a stop. After a restart the bridge reports which epochs it and the board
+know (`BridgeReport`). Where one is newer, the record is too old; where the bridge was restarted as well, as after every
+power cut, a stop may have acted that was not stored. Both count as a stop, and a stop that is latched over a restart gets
+a new epoch, above all that were ever named. A press that reached only a comm which died with it is not confirmed, so
+its sender sends it again.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ EPOCHS_LOST_MAX = 1000  # as many may have been given out and never stored
 
 
 class Phase(Enum):
-    """What is missing before the robot may move, as far as stops go; the value is what people are told."""
+    """What is missing before the robot may move, as far as stops go; the value is for people."""
 
     LATCHED = "stopped"
-    ASKING = "the bridge has not said yet which stop it knows"
+    QUERYING = "the bridge has not reported yet which stop it knows"
     RELEASED = "released, waiting for a resume"
     RESUMED = "no stop"
 
 
 @dataclass(frozen=True, slots=True)
-class BridgeWord:
+class BridgeReport:
     """What the bridge reports of stops."""
 
     life: int  # of the comm whose permit it answers
@@ -50,7 +50,7 @@ class BridgeWord:
 class StopOwner:
     """One state. `record` is in force, `wanted` is what the disk shall hold next, `durable` what it holds.
 
-    `wanted` differs from `record` while something that lets the robot move waits for the disk. `asked` is the record
+    `wanted` differs from `record` while something that lets the robot move waits for the disk. `queried` is the record
     as it was loaded, until the bridge has answered.
     """
 
@@ -58,21 +58,21 @@ class StopOwner:
     record: StopRecord
     wanted: StopRecord
     durable: StopRecord | None
-    asked: StopRecord | None
+    queried: StopRecord | None
     button_pressed: bool = False
 
     @property
     def phase(self) -> Phase:
         if self.record.latched:
             return Phase.LATCHED
-        if self.asked is not None:
-            return Phase.ASKING
+        if self.queried is not None:
+            return Phase.QUERYING
         return Phase.RESUMED if self.record.resumed else Phase.RELEASED
 
     @property
     def epoch(self) -> int:
-        """What a permit quotes: 0 until the bridge has answered, or the bridge would learn what it is asked for."""
-        return self.record.epoch if self.asked is None else 0
+        """What a permit quotes: 0 until the bridge has answered, or the bridge would learn what it is queried for."""
+        return self.record.epoch if self.queried is None else 0
 
     @property
     def to_store(self) -> StopRecord | None:
@@ -86,9 +86,9 @@ class StopOwner:
 
 def owner(loaded: StopRecord | None, life: int) -> StopOwner:
     """At the start of comm. `loaded`: None for a record that is missing or damaged; `life`: another one each time."""
-    asked = loaded or StopRecord(0, (Stop(LOST_RECORD, life),), resumed=False)
-    record = replace(asked, used=True)
-    return StopOwner(life, record, record, loaded, asked)
+    queried = loaded or StopRecord(0, (Stop(LOST_RECORD, life),), resumed=False)
+    record = replace(queried, used=True)
+    return StopOwner(life, record, record, loaded, queried)
 
 
 def press(state: StopOwner, stop: Stop) -> StopOwner:
@@ -106,12 +106,12 @@ def resume(state: StopOwner, epoch: int) -> StopOwner:
     return _once_stored(state, state.record.resumed_after(epoch))
 
 
-def heard(state: StopOwner, word: BridgeWord) -> StopOwner:
+def on_report(state: StopOwner, report: BridgeReport) -> StopOwner:
     """The bridge's newest report."""
-    state = replace(state, button_pressed=word.button_pressed)
-    if state.asked is not None and word.life == state.life:
-        state = _answered(state, state.asked, word)
-    for stop in word.stops:
+    state = replace(state, button_pressed=report.button_pressed)
+    if state.queried is not None and report.life == state.life:
+        state = _answered(state, state.queried, report)
+    for stop in report.stops:
         state = press(state, stop)
     return state
 
@@ -127,16 +127,16 @@ def _in_force(state: StopOwner, record: StopRecord) -> StopOwner:
 
 
 def _once_stored(state: StopOwner, wanted: StopRecord) -> StopOwner:
-    if state.asked is not None or wanted == state.record:
+    if state.queried is not None or wanted == state.record:
         return state
     return replace(state, wanted=wanted)
 
 
-def _answered(state: StopOwner, loaded: StopRecord, word: BridgeWord) -> StopOwner:
-    state = replace(state, asked=None)
-    known_epoch = max(word.bridge_epoch, word.board_epoch)
+def _answered(state: StopOwner, loaded: StopRecord, report: BridgeReport) -> StopOwner:
+    state = replace(state, queried=None)
+    known_epoch = max(report.bridge_epoch, report.board_epoch)
     too_old = known_epoch > loaded.epoch
-    nobody_knows = word.bridge_epoch == 0 and loaded.used
+    nobody_knows = report.bridge_epoch == 0 and loaded.used
     record = state.record
     if too_old or nobody_knows:
         record = record.pressed(Stop(RESTART, state.life))

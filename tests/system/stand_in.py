@@ -79,8 +79,8 @@ class StandInPlanner(StandIn):
         super().step(bus, now_s)
         for command in bus.take(OPERATION):
             self._drives = command.operation in (Operation.START, Operation.RESUME)
-            way_m = np.zeros((0, 2), np.float32)
-            bus.publish(PLAN, PlannerView(now_s, "", "", way_m, 0, 0.0, command_id=command.command_id))
+            path_m = np.zeros((0, 2), np.float32)
+            bus.publish(PLAN, PlannerView(now_s, "", "", path_m, 0, 0.0, command_id=command.command_id))
         bus.publish(DRIVE, DriveCommand(now_s, 1, Speed.MEDIUM if self._drives else Speed.STOP, 0.0))
 
 

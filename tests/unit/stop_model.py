@@ -16,7 +16,7 @@ from common.messages import Permit, StopRequest
 from onboard.bridge.motion_gate import MotionGate, button_press
 from onboard.bridge.protocol import StopSourceFlag, Stp
 from onboard.comm import stop_owner
-from onboard.comm.stop_owner import BridgeWord, StopOwner
+from onboard.comm.stop_owner import BridgeReport, StopOwner
 from onboard.comm.stop_record import Stop, StopRecord
 
 TICK_S = 0.1
@@ -185,8 +185,8 @@ class World:
         if self.comm is None:
             return
         before = self.comm
-        if isinstance(message, BridgeWord):
-            self.comm = stop_owner.heard(before, message)
+        if isinstance(message, BridgeReport):
+            self.comm = stop_owner.on_report(before, message)
         elif isinstance(message, int):
             self.comm = stop_owner.resume(before, message)
             if not before.record.latched:
@@ -202,7 +202,7 @@ class World:
         for stop in set(self.comm.record.stops) - set(before.record.stops):
             if stop.stop_id in over:  # a late repeat: it acts anew
                 del self.ghost.acted[stop.stop_id]
-        if self.comm.asked is None:
+        if self.comm.queried is None:
             for stop in self.comm.record.stops:
                 self.ghost.epoch[stop.stop_id] = self.comm.record.epoch
             if {stop_owner.RESTART, stop_owner.LOST_RECORD} & set(self.comm.record.sources):
@@ -274,7 +274,7 @@ class World:
             stops = tuple(Stop(source, stop_id) for stop_id, source in self.gate.held.items())
             pressed = bool(self.heard_board[1].latched & StopSourceFlag.PRESSED)
             board_epoch = self.heard_board[1].epoch
-            self.to_comm.append(BridgeWord(self.gate.life, self.gate.permit_epoch, board_epoch, stops, pressed))
+            self.to_comm.append(BridgeReport(self.gate.life, self.gate.permit_epoch, board_epoch, stops, pressed))
 
     def _may_move(self) -> bool:
         assert self.gate is not None

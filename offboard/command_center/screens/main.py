@@ -73,9 +73,9 @@ class MainScreen(Guarded, Screen[None]):
     def set_filter(self, wanted: LogFilter) -> None:
         try:
             self.log_view.set_filter(wanted)
-            self.log_view.tell_problem("")
+            self.log_view.show_problem("")
         except (re.error, OverflowError, RecursionError) as error:
-            self.log_view.tell_problem(f"no regular expression: {error}")
+            self.log_view.show_problem(f"no regular expression: {error}")
 
     def open_search(self) -> None:
         self.search.display = True

@@ -46,12 +46,12 @@ class LogView(ScrollView, can_focus=True):
         super().__init__(id="log")
         self.book = book
         self.following = True
-        self.problem = ""  # with the filter that was asked for last
+        self.problem = ""  # with the newest filter
         self.lines_dropped = 0
         self._marked: LogEntry | None = None
         self._unseen = 0
         self._columns = 0
-        # Arrival is told on the monotonic clock, people read the other one
+        # Arrival times are of the monotonic clock, people read the wall clock
         self._wall_offset_s = time.time() - time.monotonic()
 
     def on_mount(self) -> None:
@@ -165,6 +165,6 @@ class LogView(ScrollView, can_focus=True):
         self.border_subtitle = title(" · ".join(notes))
         self.set_class(not self.following, "-paused")
 
-    def tell_problem(self, problem: str) -> None:
+    def show_problem(self, problem: str) -> None:
         self.problem = problem
         self._retitle()

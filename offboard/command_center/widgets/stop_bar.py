@@ -69,8 +69,8 @@ def _latched(snapshot: Snapshot) -> BarText:
         headline = f"LATCHED – {speed}"
     if control.release_failed:
         return BarText(Look.LATCHED, headline, f"{held_by}; the release was NOT confirmed")
-    way_out = "let the button out, then ctrl+r releases it" if report.button_pressed else "ctrl+r releases it"
-    return BarText(Look.LATCHED, headline, f"{held_by}; {way_out}")
+    remedy = "let the button out, then ctrl+r releases it" if report.button_pressed else "ctrl+r releases it"
+    return BarText(Look.LATCHED, headline, f"{held_by}; {remedy}")
 
 
 class StopBar(Horizontal):
