@@ -9,9 +9,9 @@ loses power, and whenever: after a latched stop nothing moves before a release o
 
 A record that is missing or damaged counts as a stop. After a restart the bridge reports which epochs it and the board
 know (`BridgeReport`). Where one is newer, the record is too old; where the bridge was restarted as well, as after every
-power cut, a stop may have acted that was not stored. Both count as a stop, and a stop that is latched over a restart gets
-a new epoch, above all that were ever named. A press that reached only a comm which died with it is not confirmed, so
-its sender sends it again.
+power cut, a stop may have acted that was not stored. Both count as a stop, and a stop that is latched over a restart
+gets a new epoch, above all that were ever named. A press that reached only a comm which died with it is not confirmed,
+so its sender sends it again.
 """
 
 from __future__ import annotations
