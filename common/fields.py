@@ -76,7 +76,7 @@ Text = Annotated[str, UpTo(2_000)]
 SonarRanges = Annotated[tuple[Range, ...], Shape((SONAR_COUNT,))]
 SonarAges = Annotated[tuple[Age, ...], Shape((SONAR_COUNT,))]
 
-_MAP_POINTS = 1_000_000  # thirteen hours of driving
+_MAP_POINTS = 400_000  # five hours of driving, more than a battery lasts
 MapStart = Annotated[int, Within(0, _MAP_POINTS)]
 MapPoints = Annotated[npt.NDArray[np.float32], Shape(("N", 2)), UpTo(_MAP_POINTS), COORDINATE]
 Marks = Annotated[npt.NDArray[np.uint8], Shape(("N",)), UpTo(_MAP_POINTS), Within(0, 1)]

@@ -12,7 +12,7 @@ import numpy as np
 from common.bus import Bus, alive, alive_and_valid
 from common.constants import PLANNER_RATE_HZ, POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
-from common.geometry import Points, Pose2, wrap_angle
+from common.geometry import Pose2, wrap_angle
 from common.messages import (
     CARRIER,
     DISTANCES,
@@ -39,7 +39,7 @@ from common.messages import (
 )
 from common.status import StatusReporter
 from common.undecodable import Undecodable
-from common.wall_points import with_increment
+from common.wall_points import WallPointMap
 from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, watch
 from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
 from onboard.planner.driving.poi_override import Override, after, speed
@@ -56,8 +56,8 @@ COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
 POINTS_NEAR_M = 4.0
 BOOT_BITS = 16
 PATH_SHOWN_MAX = 2_000  # waypoints
+
 _log = logging.getLogger(__name__)
-_NO_POINTS = np.zeros((0, 2))
 
 
 class Planner:
@@ -79,7 +79,7 @@ class Planner:
         self._grid_reader = GridReader()
         self._grid: GridMap | None = None
         self._grid_revision = 0
-        self._points: Points = _NO_POINTS
+        self._points = WallPointMap()
         self._wanted = Motion(Speed.STOP, 0.0)
         self._pose_seen: PoseEstimate | None = None
         self._command_id = 0
@@ -124,7 +124,7 @@ class Planner:
 
     def _take_map(self, bus: Bus) -> None:
         for update in bus.take(MAP):
-            self._points = with_increment(self._points, update)
+            self._points.apply(update)
         for newest in bus.take(GRID)[-1:]:
             self._grid_reader.take(newest)
         if self._mission.deliberates:
@@ -207,14 +207,12 @@ class Planner:
 
     def _view(self, now_s: float, pose: PoseEstimate) -> View:
         assert self._grid is not None
-        p = self._points
-        near = p[np.abs(p - np.array([pose.x_m, pose.y_m])).max(axis=1) < POINTS_NEAR_M] if len(p) else p
         return View(
             now_s,
             Pose2(pose.x_m, pose.y_m, pose.heading_rad),
             self._grid,
             self._grid_revision,
-            near,
+            self._points.near(pose.x_m, pose.y_m, POINTS_NEAR_M),
             _median(self._left),
             _median(self._right),
             _median(self._front),

@@ -80,12 +80,10 @@ class FrontierMemory:
         """Frontier cells that are still worth a visit, from this pose."""
         cells = considered(grid, grid.frontier & ~blocked, pose)
         points = grid.centres(cells)
-        left_out = self._visited + self._deferred
-        if len(cells) and left_out:
-            gap = points[:, None, :] - np.array(left_out)[None, :, :]
-            keep = (np.hypot(gap[..., 0], gap[..., 1]) >= LEFT_OUT_RADIUS_M).all(axis=1)
-            cells, points = cells[keep], points[keep]
-        return Frontier(cells, points)
+        keep = np.ones(len(cells), dtype=bool)
+        for x_m, y_m in self._visited + self._deferred:
+            keep &= np.hypot(points[:, 0] - x_m, points[:, 1] - y_m) >= LEFT_OUT_RADIUS_M
+        return Frontier(cells[keep], points[keep])
 
 
 def groups(grid: GridMap, frontier: Frontier) -> list[FrontierGroup]:

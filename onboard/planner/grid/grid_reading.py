@@ -57,8 +57,7 @@ def read(update: GridUpdate) -> Work[GridMap]:
     Raises GridError when the cells cannot be unpacked or do not fill the announced shape.
     """
     raw = (yield from _inflated(update.cells_zlib, update.rows * update.columns)).reshape(update.rows, update.columns)
-    known = raw != UNKNOWN
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    rows, columns = np.flatnonzero(raw.any(axis=1)), np.flatnonzero(raw.any(axis=0))
     if not len(rows):
         return GridMap(raw, update.origin_x_m, update.origin_y_m, update.cell_m)
     r0, c0 = max(int(rows[0]) - MARGIN_CELLS, 0), max(int(columns[0]) - MARGIN_CELLS, 0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages import MapUpdate
-from common.wall_points import with_increment
+from common.wall_points import WallPointMap
 from onboard.poi.placement.wall_line import WallPoint
 
 BACKING_M = 0.20  # a door may stand back from its wall, and the map errs
@@ -28,10 +28,10 @@ class WallMap:
     """All points known now."""
 
     def __init__(self) -> None:
-        self._points: Points = np.zeros((0, 2))
+        self._points = WallPointMap()
 
     def add(self, update: MapUpdate) -> None:
-        self._points = with_increment(self._points, update)
+        self._points.apply(update)
 
     def backs(self, left: WallPoint, right: WallPoint) -> bool:
         """Whether at least BACKED_SHARE of the line between two points lies on mapped wall."""
@@ -77,6 +77,6 @@ class WallMap:
         return wrap_angle(normal_rad)
 
     def _near(self, middle: Points, reach_m: float) -> Points:
-        p = self._points
+        p = self._points.near(float(middle[0]), float(middle[1]), reach_m)
         near: Points = p[np.hypot(p[:, 0] - middle[0], p[:, 1] - middle[1]) < reach_m]
         return near
