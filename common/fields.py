@@ -81,11 +81,11 @@ MapStart = Annotated[int, Within(0, _MAP_POINTS)]
 MapPoints = Annotated[npt.NDArray[np.float32], Shape(("N", 2)), UpTo(_MAP_POINTS), COORDINATE]
 Marks = Annotated[npt.NDArray[np.uint8], Shape(("N",)), UpTo(_MAP_POINTS), Within(0, 1)]
 PathPoints = Annotated[npt.NDArray[np.float32], Shape(("N", 2)), UpTo(2_000), COORDINATE]
-_KEY_FRAMES = UpTo(100_000)  # forty kilometres of way
+_KEY_FRAMES = UpTo(40_000)  # sixteen kilometres of path
 Times = Annotated[npt.NDArray[np.float64], Shape(("K",)), _KEY_FRAMES, _TIME]
 Poses = Annotated[npt.NDArray[np.float64], Shape(("K", 3)), _KEY_FRAMES, COORDINATE]  # x, y, heading
 
-GRID_CELLS_MAX = 4_000_000  # 200 m by 200 m of 0.1 m
+GRID_CELLS_MAX = 3_000_000  # 170 m by 170 m of 0.1 m
 GridSide = Annotated[int, Within(1, 20_000)]  # cells
 CellSize = Annotated[float, Within(0.05, 10.0)]  # metres; finer than twice a sonar's step tells nothing more
 GridBytes = Annotated[bytes, UpTo(2_000_000)]

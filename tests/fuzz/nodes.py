@@ -48,8 +48,6 @@ import msgpack  # isort: skip
 
 CALM_PERIOD_S = 0.1
 BOOT_ID = 77
-# On its way into a database and out of it a message stands in memory five times: the longest alone would take 50 MB
-STORED_LONGEST = 200_000
 _BY_OUTBOX = {topic.key for topic in m.ROBOT_RECORDED}
 
 
@@ -201,7 +199,7 @@ def comm(bus: WireBus) -> Stage:
             receipt = m.OutboxReceipt(now_s, piece.outbox_id, number, offset, piece.total_bytes, recorder_id=1)
             bus.receive(m.RECEIPT, encode(receipt, 1, BOOT_ID))
 
-    return Stage(node, bus, _all_heard_by_comm(), beside, folder=folder, longest=STORED_LONGEST)
+    return Stage(node, bus, _all_heard_by_comm(), beside, folder=folder)
 
 
 def _all_heard_by_comm() -> tuple[Topic[Any], ...]:
@@ -231,7 +229,7 @@ def recorder(bus: WireBus) -> Stage:
     """What the robot says comes in pieces of its outbox."""
     folder = tempfile.TemporaryDirectory()
     node = Recorder(Path(folder.name), "2026-01-01T00:00:00")
-    return Stage(node, bus, _read_by("recorder"), folder=folder, by_outbox=True, longest=STORED_LONGEST)
+    return Stage(node, bus, _read_by("recorder"), folder=folder, by_outbox=True)
 
 
 def through_outbox(heard: list[tuple[str, bytes]], row: int) -> list[tuple[str, bytes]]:

@@ -1,7 +1,4 @@
-"""Whatever can be decoded, and whatever only looks as if it could, comes to every node on all of its topics.
-
-Not covered: the memory of comm and recorder while they store arrays of more than STORED_LONGEST rows.
-"""
+"""Whatever can be decoded, and whatever only looks as if it could, comes to every node on all of its topics."""
 
 from __future__ import annotations
 

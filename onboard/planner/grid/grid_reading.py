@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from common.grid_cells import UNKNOWN
 from common.messages import GridUpdate
 from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, GridMap, close_slivers
 from onboard.planner.grid.sliced_work import Sliced, Work
