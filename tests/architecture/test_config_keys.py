@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
 
 import pytest
 
 from common.config import Config
-from tests.architecture.project import Module, modules
+from tests.architecture.project import modules
 
 MODULES = modules()
 HOME = "common/config.py"  # checks and writes all keys
@@ -17,29 +18,40 @@ SECTIONS = {field.name: type(getattr(Config(), field.name)) for field in datacla
 KEYS = [(name, field.name) for name, section in SECTIONS.items() for field in dataclasses.fields(section)]
 
 
-def last_name(node: ast.expr) -> str:
+def last_name(node: ast.expr | None) -> str:
     """`mesh` of `self.config.mesh` and of `mesh`."""
     return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
 
 
-def names_of(section: str, module: Module) -> set[str]:
-    """What a section goes by in a module: its own name, arguments of its type, and what these are kept as."""
-    names, kind = {section}, SECTIONS[section].__name__
-    for node in ast.walk(module.tree):
-        if isinstance(node, ast.arg) and node.annotation is not None and last_name(node.annotation) == kind:
-            names.add(node.arg)
-    for node in ast.walk(module.tree):
-        if isinstance(node, ast.Assign) and last_name(node.value) in names:
-            names |= {last_name(target) for target in node.targets}
-    return names - {""}
+@dataclass(frozen=True)
+class Names:
+    """Of a module: type and name of its arguments, what is assigned to what, and `base.attribute` where it reads one."""
+
+    arguments: list[tuple[str, str]]
+    assigned: list[tuple[str, str]]
+    read: set[tuple[str, str]]
 
 
-def read_in(module: Module, section: str) -> Iterator[str]:
-    """Attributes of a section that a module reads."""
-    names = names_of(section, module)
-    for node in ast.walk(module.tree):
-        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load) and last_name(node.value) in names:
-            yield node.attr
+@cache
+def names() -> list[Names]:
+    """Of every module but the configuration's own."""
+    found = []
+    for module in MODULES:
+        nodes = list(ast.walk(module.tree)) if module.path != HOME else []
+        arguments = [(last_name(n.annotation), n.arg) for n in nodes if isinstance(n, ast.arg)]
+        assigned = [(last_name(n.value), last_name(t)) for n in nodes if isinstance(n, ast.Assign) for t in n.targets]
+        read = {
+            (last_name(n.value), n.attr) for n in nodes if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Load)
+        }
+        found.append(Names(arguments, assigned, read))
+    return found
+
+
+def read_in(module: Names, section: str) -> set[str]:
+    """Attributes of a section that a module reads: by its name, as an argument of its type, or what that is kept as."""
+    bases = {section} | {name for kind, name in module.arguments if kind == SECTIONS[section].__name__}
+    bases |= {target for value, target in module.assigned if value in bases}
+    return {attribute for base, attribute in module.read if base in bases - {""}}
 
 
 def behind(section: str) -> dict[str, set[str]]:
@@ -57,6 +69,6 @@ def behind(section: str) -> dict[str, set[str]]:
 
 @pytest.mark.parametrize("section", SECTIONS)
 def test_every_key_of_the_configuration_is_read(section: str) -> None:
-    read = {name for module in MODULES if module.path != HOME for name in read_in(module, section)}
+    read = {name for module in names() for name in read_in(module, section)}
     read |= {key for name, keys in behind(section).items() if name in read for key in keys}
     assert [key for name, key in KEYS if name == section and key not in read] == []
