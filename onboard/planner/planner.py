@@ -68,7 +68,7 @@ class Planner:
 
     def __init__(self, images_walls: bool = False, boot: int = 0) -> None:
         """`images_walls`: there is a camera, and every wall shall have been on its right. `boot`, of BOOT_BITS: another
-        number after each restart, by which its drive commands are told from those before."""
+        number after each restart, which distinguishes its drive commands from those before."""
         self._boot = boot
         self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
@@ -185,11 +185,11 @@ class Planner:
             return
         if pose is not self._pose_seen or self._mission.deliberates:
             self._pose_seen = pose
-            asked = speed(self._override, now_s)
-            if asked is None:
+            requested = speed(self._override, now_s)
+            if requested is None:
                 self._wanted = self._mission.step(self._view(now_s, pose))
             else:
-                self._wanted = Motion(asked, pose.heading_rad)
+                self._wanted = Motion(requested, pose.heading_rad)
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
         # On the spot it may turn away from anything
         ahead = Speed.STOP if _turns_on_the_spot(self._wanted, pose) else self._wanted.speed
@@ -272,5 +272,5 @@ def _turns_on_the_spot(motion: Motion, pose: PoseEstimate) -> bool:
 
 def _median(values: deque[float]) -> float:
     """Of those with an echo; NaN where most were not."""
-    heard = sorted(v for v in values if v == v)
-    return heard[len(heard) // 2] if len(heard) > len(values) // 2 else math.nan
+    known = sorted(v for v in values if v == v)
+    return known[len(known) // 2] if len(known) > len(values) // 2 else math.nan

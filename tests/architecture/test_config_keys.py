@@ -25,7 +25,7 @@ def last_name(node: ast.expr | None) -> str:
 
 @dataclass(frozen=True)
 class Names:
-    """Of a module: type and name of its arguments, what is assigned to what, and `base.attribute` where it reads one."""
+    """Of a module: type and name of its arguments, value and target of assignments, base and name of attributes."""
 
     arguments: list[tuple[str, str]]
     assigned: list[tuple[str, str]]
@@ -56,10 +56,8 @@ def read_in(module: Names, section: str) -> set[str]:
 
 def behind(section: str) -> dict[str, set[str]]:
     """Property of a section -> the keys that it reads."""
-    config = next(module for module in modules() if module.path == "common/config.py")
-    kind = next(
-        n for n in ast.walk(config.tree) if isinstance(n, ast.ClassDef) and n.name == SECTIONS[section].__name__
-    )
+    config, name = next(module for module in MODULES if module.path == HOME), SECTIONS[section].__name__
+    kind = next(node for node in ast.walk(config.tree) if isinstance(node, ast.ClassDef) and node.name == name)
     return {
         function.name: {n.attr for n in ast.walk(function) if isinstance(n, ast.Attribute)}
         for function in kind.body

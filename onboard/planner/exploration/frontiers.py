@@ -131,7 +131,7 @@ def considered(grid: GridMap, mask: Mask, pose: Pose2) -> Cells:
 
 
 def as_set(cells: Cells) -> set[Cell]:
-    """Cells (N, 2) as pairs, to ask whether one is among them."""
+    """Cells (N, 2) as pairs, to look one up."""
     return {(r, c) for r, c in cells.tolist()}
 
 

@@ -17,7 +17,7 @@ def shift_rad(left_m: float, right_m: float) -> float:
     """Table P1.0: by how much to steer left (positive) or right to keep the distances to the walls.
 
     In a hall too narrow for both distances the middle is kept; in a wider one MIN_DISTANCE_POI_M from the right wall
-    (decision 4). The table's fixed 15 degrees is the most that is asked; nearer to the aim it is less. NaN = no wall.
+    (decision 4). The table's fixed 15 degrees is the largest request; nearer to the aim it is less. NaN = no wall.
     """
     left, right = left_m == left_m, right_m == right_m
     if left and right and left_m + right_m < HALL_WIDTH_FOR_BOTH_M:

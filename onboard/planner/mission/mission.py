@@ -62,7 +62,7 @@ class Mission:
         self._align_until_s = 0.0
         self._deliberation: Sliced[Any] | None = None  # a choice or a path that took more than one step so far
         self._notes: list[str] = []
-        self._noted = self.state  # the newest one that a note tells of
+        self._noted = self.state  # as of the newest note
 
     @property
     def mode(self) -> Mode:

@@ -1,4 +1,4 @@
-"""Operator commands -> events of the mission's table, and what is answered: repeats are known, a resume is told apart.
+"""Operator commands -> events of the mission's table, and what is answered: repeats are known, and which thing a resume ends.
 
 Pure: command and permit in, event out. A command that cannot be judged yet gets no answer; it comes again.
 """
