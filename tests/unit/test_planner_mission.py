@@ -114,7 +114,7 @@ def test_choices_and_changes_of_mode_are_noted_once_with_their_figures() -> None
     assert drive.mission.take_notes() == []
     assert notes[0] == "mode=LOOK outcome=NONE paused=False before=WAITING event=START"
     assert notes[-1] == "mode=DONE outcome=FINISHED paused=False before=ALIGN event=ALIGNED"
-    assert any(note.startswith("junction taken=NONE RIGHT=") for note in notes)
+    assert any("event=EXPLORED taken=NONE RIGHT=" in note for note in notes)
     assert len(notes) < 20
 
 

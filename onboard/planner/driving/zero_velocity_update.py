@@ -1,9 +1,9 @@
 """Standing still now and then, so that the gyro's bias is measured anew.
 
 The bias of a cheap gyro wanders while the robot drives: without a rest its heading is off by half a degree after one
-minute and by several after five, and nothing but walls would show it. What is lost between two rests grows with the time
-to the power of 1.5: many short rests are worth more than few long ones, until a rest measures the bias no better than the
-gyro has kept it.
+minute and by several after five, and nothing but walls would show it. What is lost between two rests grows with the
+time to the power of 1.5: many short rests are worth more than few long ones, until a rest measures the bias no better
+than the gyro has kept it.
 """
 
 from __future__ import annotations

@@ -7,30 +7,26 @@ seen and chosen becomes an event; which mode follows, `table` says alone.
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from math import atan2, cos, hypot, pi, sin
-from typing import Any
 
 from common.geometry import Pose2, wrap_angle
 from common.messages import Speed
-from onboard.planner.driving.hall_following import STEER_MAX_RAD, HallFollowing
+from onboard.planner.driving.hall_following import HallFollowing
 from onboard.planner.driving.looking import HEADING_REACHED_RAD, TURN_TIMEOUT_S, Looking
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup, as_set
-from onboard.planner.exploration.junction import Junction
 from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
-from onboard.planner.exploration.right_hand_rule import Turn
-from onboard.planner.exploration.wall_imaging import WallImaging, beginning
+from onboard.planner.exploration.wall_imaging import WallImaging
 from onboard.planner.grid.grid_map import Cell
 from onboard.planner.grid.sliced_work import Sliced, Work
 from onboard.planner.grid.view import Motion, View
-from onboard.planner.mission.table import AT_REST, BLOCKED, ON_LEG, VISITING, Event, Mode, State, Step, after
+from onboard.planner.mission.goal_choice import Goal, GoalChoice
+from onboard.planner.mission.table import AT_REST, BLOCKED, CHOICES, ON_LEG, VISITING, Event, Mode, State, Step, after
 from onboard.planner.routing.path_following import Path, arrived, rest_of, speed_along
 
 BLOCK_AHEAD_M = 0.45
 NO_PATH_PATIENCE_S = 300.0  # a door that was closed, a person who stands in a hall: they may go
-GROUPS_NOTED = 8  # of the list
 RETRY_S = 3.0
 GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
 GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
@@ -46,13 +42,13 @@ class Mission:
         self.state = State()
         self.path: Path = []
         self._frontiers = FrontierManager()
-        self._junction = Junction()
         self._hall = HallFollowing()
         self._looking = Looking()
         self._target: tuple[float, float] = (0.0, 0.0)
         self._last_s: float | None = None
         self._stillness = Stillness()
         self._imaging = WallImaging() if images_walls else None
+        self._choice = GoalChoice(self._frontiers, self._hall, self._imaging)
         self._wall_rad = 0.0  # heading for the next leg along a wall
         self._wall_due = False  # that leg comes next
         self._obstructions = 0  # since the last arrival
@@ -60,7 +56,7 @@ class Mission:
         self._retry_s = 0.0
         self._no_path_since_s: float | None = None
         self._align_until_s = 0.0
-        self._deliberation: Sliced[Any] | None = None  # a choice or a path that took more than one step so far
+        self._deliberation: Sliced[None] | None = None  # a choice or a path that took more than one step so far
         self._notes: list[str] = []
         self._noted = self.state  # as of the newest note
 
@@ -97,7 +93,7 @@ class Mission:
         step = self.order(Event.START)
         if not step.refused:
             self._frontiers.renew_patience()
-            self._begin_look(pose.heading_rad, now_s)
+            self._looking.begin(pose.heading_rad, now_s)
         return step
 
     def detour(self, pose: Pose2) -> None:
@@ -119,7 +115,7 @@ class Mission:
         self._notes.append(f"obstacle place={x_m:.2f},{y_m:.2f} frontier there deferred")
         if self.mode in ON_LEG:
             self._end_leg(view)
-        elif self._visiting and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
+        elif self.mode in VISITING and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
             self._obstructions += 1
             if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._obstructions = 0
@@ -138,7 +134,7 @@ class Mission:
 
     def _act(self, view: View, dt_s: float) -> Motion:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
-        if self._stillness.stagnates(view.pose, dt_s, under_way=self._visiting):
+        if self._stillness.stagnates(view.pose, dt_s, under_way=self.mode in VISITING):
             self._defer(view, f"no motion for {STAGNANT_S:.0f} s")
             self._frontiers.judge_anew()
             return stand
@@ -161,11 +157,6 @@ class Mission:
             return stand
         return self._follow_path(view)
 
-    @property
-    def _visiting(self) -> bool:
-        """On its way to a place of its own choice, which it may defer."""
-        return self.mode in VISITING
-
     def _happens(self, event: Event, why: str = "") -> Step:
         """Take the step of the table; a path belongs to the mode that planned it."""
         before, step = self.state, after(self.state, event)
@@ -174,7 +165,7 @@ class Mission:
         self.state = step.state
         if step.moves:
             self.path, self._deliberation, self._wall_due = [], None, False
-        if event is not Event.RETRY and step.state != self._noted:
+        if (event is not Event.RETRY and step.state != self._noted) or event in CHOICES:
             self._noted = step.state
             self._notes.append(f"{step.state} before={before.mode.name} event={event.name} {why}".rstrip())
         return step
@@ -193,9 +184,6 @@ class Mission:
     ) -> None:
         """After an event that leads to LOOK."""
         self._happens(event, why)
-        self._begin_look(heading_rad, now_s, then_rad)
-
-    def _begin_look(self, heading_rad: float, now_s: float, then_rad: float | None = None) -> None:
         self._looking.begin(heading_rad, now_s, then_rad)
 
     def _stand_and_look(self, view: View) -> Motion:
@@ -203,7 +191,7 @@ class Mission:
             self._deliberate(self._choose(view))
         return Motion(Speed.STOP, self._looking.heading_rad)
 
-    def _deliberate(self, work: Work[Any]) -> None:
+    def _deliberate(self, work: Work[None]) -> None:
         self._deliberation = Sliced(work)
         self._carry_on()
 
@@ -212,68 +200,28 @@ class Mission:
             self._deliberation = None
 
     def _choose(self, view: View) -> Work[None]:
-        """The wall that was driven to, else what the right-hand rule takes, else the next of the list."""
+        """The wall that was driven to, else the next goal."""
         if self._wall_due:
             self._happens(Event.WALL_REACHED)
             self._hall.begin(view.pose, self._wall_rad)
             return
-        heading_rad = self._hall.along(view.pose.heading_rad)
-        if self._stands_askew(view.pose, heading_rad):
-            self._look(Event.TURN, heading_rad, view.now_s, why="stands askew")
+        looked_rad = self._looking.heading_rad if self.mode is Mode.LOOK else None
+        self._set_out(view, (yield from self._choice.next(view, looked_rad)))
+
+    def _enter_opening(self, view: View, frontier: set[Cell]) -> Work[None]:
+        goal = yield from self._choice.side_hall(view, frontier)
+        if goal is not None:
+            self._set_out(view, goal)
+
+    def _set_out(self, view: View, goal: Goal) -> None:
+        if goal.event in (Event.TURN, Event.LIST_UNSURE):
+            self._look(goal.event, goal.heading_rad, view.now_s, why=goal.why)
             return
-        headings_rad = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
-        choice = self._junction.choose(view, self._frontiers, headings_rad)
-        self._notes.append(f"junction {choice}")
-        turn = choice.turn
-        if turn is None:
-            yield from self._take_from_list(view)
-        elif turn is Turn.FORWARD:
-            self._happens(Event.AHEAD, f"heading_rad={heading_rad:.2f}")
-            self._frontiers.renew_patience()
-            self._hall.begin(view.pose, heading_rad)
-        else:
-            self._look(Event.TURN, headings_rad[turn], view.now_s)
-
-    def _stands_askew(self, pose: Pose2, heading_rad: float) -> bool:
-        """Does it have to turn to the hall's direction before it can judge the branches, and has not tried to yet?"""
-        gap_rad = abs(wrap_angle(heading_rad - self._looking.heading_rad))
-        tried = self.mode is Mode.LOOK and gap_rad < HEADING_REACHED_RAD
-        return abs(wrap_angle(heading_rad - pose.heading_rad)) > STEER_MAX_RAD and not tried
-
-    def _take_from_list(self, view: View) -> Work[None]:
-        """Set out for the nearest of the list, else for a wall, else home."""
-        if (yield from self._set_out(view, frontiers.roomy_cells(view.grid, self.groups))):
-            return
-        second_try = self._frontiers.second_try
-        if not self._frontiers.exhausted(view.now_s):
-            if self._frontiers.second_try is not second_try:
-                self._notes.append("list empty: what was deferred is tried once more")
-            self._look(Event.LIST_UNSURE, view.pose.heading_rad, view.now_s)
-        elif not (yield from self._set_out_to_a_wall(view)):
-            self._happens(Event.EXPLORED)
-
-    def _set_out(self, view: View, frontier: set[Cell]) -> Work[bool]:
-        """For the nearest of these cells; False where no path leads there."""
-        route = (yield from self._frontiers.route(view, frontier)) if frontier else None
-        if route is None:
-            return False
-        self._frontiers.renew_patience()
-        self._happens(Event.SIDE_HALL, _figures(route, self.groups))
-        self.path, self._target = route, route[-1]
-        return True
-
-    def _set_out_to_a_wall(self, view: View) -> Work[bool]:
-        """The nearest stretch of wall that the camera has not seen, from its beginning; False where there is none."""
-        spots = (yield from self._imaging.spots(view.grid, view.pose)) if self._imaging is not None else {}
-        route = (yield from self._frontiers.route(view, spots)) if spots else None
-        if route is None:
-            return False
-        first = beginning(spots, view.grid, view.grid.cell(*route[-1]))
-        route = (yield from self._frontiers.route(view, {first})) or route
-        self._happens(Event.WALL, f"{_figures(route, [])} spots={len(spots)}")
-        self.path, self._target = route, route[-1]
-        self._wall_rad = self._hall.along(spots[view.grid.cell(*route[-1])])
-        return True
+        self._happens(goal.event, goal.why)
+        if goal.event is Event.AHEAD:
+            self._hall.begin(view.pose, goal.heading_rad)
+        elif goal.path:
+            self.path, self._target, self._wall_rad = goal.path, goal.path[-1], goal.heading_rad
 
     def _drive_leg(self, view: View) -> Motion:
         """Straight on along a hall or a wall, as long as that shows something new."""
@@ -282,7 +230,7 @@ class Mission:
         if self.mode is Mode.STRAIGHT:
             opening = self._hall.opening_passed(view.grid, self._frontiers.frontier, pose)
             if opening is not None:
-                self._deliberate(self._set_out(view, as_set(opening)))
+                self._deliberate(self._enter_opening(view, as_set(opening)))
                 if self.mode is not Mode.STRAIGHT or self.deliberates:
                     return Motion(Speed.STOP, pose.heading_rad)
         elif self._imaging is not None:
@@ -301,7 +249,7 @@ class Mission:
         return open_ahead and self._imaging.worth_going_on(view.grid, view.pose, leg.heading_rad)
 
     def _end_leg(self, view: View) -> None:
-        self._junction.end_leg(self._hall.start, view.pose)
+        self._choice.junction.end_leg(self._hall.start, view.pose)
         heading_rad = self._hall.along(view.pose.heading_rad)
         left = replace(view.pose, heading_rad=wrap_angle(heading_rad + pi / 2))
         if self._imaging is not None and self._imaging.shows_new(view.grid, left):
@@ -381,10 +329,3 @@ class Mission:
         else:
             self._align_until_s = now_s + TURN_TIMEOUT_S
             self._happens(Event.ARRIVED)
-
-
-def _figures(route: Path, groups: list[FrontierGroup]) -> str:
-    """Of a choice of the list: where it leads, how far, and what else was on it."""
-    length_m = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(route))
-    others = ";".join(f"{group.x_m:.1f},{group.y_m:.1f}" for group in groups[:GROUPS_NOTED])
-    return f"place={route[-1][0]:.2f},{route[-1][1]:.2f} path_m={length_m:.1f} list={len(groups)}:{others}"

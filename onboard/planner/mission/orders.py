@@ -1,4 +1,4 @@
-"""Operator commands -> events of the mission's table, and what is answered: repeats are known, and which thing a resume ends.
+"""Operator commands -> events of the mission's table, and what is answered; which thing a resume ends is known here.
 
 Pure: command and permit in, event out. A command that cannot be judged yet gets no answer; it comes again.
 """

@@ -116,6 +116,7 @@ BLOCKED = (Mode.HOME_BLOCKED, Mode.GOTO_BLOCKED)
 AT_REST = (Mode.WAITING, Mode.DONE)
 ALL = tuple(Mode)
 UNDER_WAY = tuple(mode for mode in Mode if mode not in AT_REST)
+CHOICES = (Event.TURN, Event.AHEAD, Event.SIDE_HALL, Event.WALL, Event.EXPLORED)  # each is worth a line in the log
 CHOOSING = (Mode.LOOK, Mode.ROUTE)
 
 TABLE = (
