@@ -64,6 +64,19 @@ def test_a_grid_that_grows_meanwhile_is_published_as_large_as_it_was(
     assert (update.origin_x_m, update.origin_y_m) == origin_m
 
 
+def test_a_grid_that_no_message_can_hold_is_left_out_and_said_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = grid()
+    encoder = GridEncoder()
+    monkeypatch.setattr(grid_encoder, "GRID_CELLS_MAX", whole.shape[0] * whole.shape[1] - 1)
+    for _ in range(2):
+        encoder.begin(whole)
+        assert not encoder.busy
+        assert encoder.advance(0.0) is None
+    assert caplog.text.count("too large for one map") == 1
+
+
 def test_wall_points_are_kept_in_the_order_in_which_they_came() -> None:
     store = WallStore()
     store.append(WallPoints.of(np.array([[1.0, 2.0]]), NONE))

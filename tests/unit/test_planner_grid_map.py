@@ -100,13 +100,13 @@ def test_a_large_grid_is_read_in_slices_and_as_if_at_once() -> None:
 
 def test_a_grid_that_comes_while_another_is_read_is_read_next() -> None:
     reader = GridReader()
-    large = update_of(drawn([(1.0, 1.0, 199.0, 199.0)], size_m=(200.0, 200.0)))
+    large = update_of(drawn([(1.0, 1.0, 159.0, 159.0)], size_m=(160.0, 160.0)))
     reader.take(large)
     assert reader.advance() is None
     reader.take(update_of(hall(4.0)))
     reader.take(update_of(hall()))
     grids = [grid for grid in (reader.advance() for _ in range(50)) if grid is not None]
-    assert [grid.cells.shape for grid in grids] == [(1988, 1988), at_once(read(update_of(hall()))).cells.shape]
+    assert [grid.cells.shape for grid in grids] == [(1588, 1588), at_once(read(update_of(hall()))).cells.shape]
 
 
 def test_a_grid_with_nothing_known_has_no_frontier_and_no_area() -> None:

@@ -5,14 +5,18 @@ The rows of one message are up to a second apart; rows that the map gained meanw
 
 from __future__ import annotations
 
+import logging
 import zlib
 from copy import copy
 
+from common.fields import GRID_CELLS_MAX
 from common.messages import GridUpdate
 from onboard.mmu.map.occupancy import CELL_M, OccupancyGrid
 
-CELLS_AT_ONCE = 100_000  # in a step: bounds its time, see `python -m offboard.tools.mapping_cost`
+CELLS_AT_ONCE = 100_000  # in a step: bounds its time, see `indoor-mapping bench mapping`
 LEVEL = 1  # of zlib: a grid is mostly long runs of one value
+
+_log = logging.getLogger("mmu")
 
 
 class GridEncoder:
@@ -21,12 +25,20 @@ class GridEncoder:
     def __init__(self) -> None:
         self._revision = 0
         self._grid: OccupancyGrid | None = None
+        self._too_large = False
 
     @property
     def busy(self) -> bool:
         return self._grid is not None
 
     def begin(self, grid: OccupancyGrid) -> None:
+        """A grid that no message can hold is left out: the Planner goes on with the newest one that it has."""
+        rows, columns = grid.shape
+        if rows * columns > GRID_CELLS_MAX:
+            if not self._too_large:
+                _log.warning("the floor is too large for one map rows=%d columns=%d: map it in parts", rows, columns)
+            self._too_large = True
+            return
         # A shallow copy: a grid that grows takes new arrays, this one keeps its own
         self._grid = copy(grid)
         self._deflate = zlib.compressobj(LEVEL)
