@@ -27,12 +27,12 @@ from onboard.poi.signs.reading_worker import Read, ReadingWorker, read
 from onboard.poi.signs.sign_reading import SignReader, sign_rules
 from onboard.poi.survey import Survey
 
-NO_FRAMES_S = 2.0
-RECORD_PERIOD_S = 1.0
+NO_FRAMES_S = 2.0  # five previews
+RECORD_PERIOD_S = 1.0  # between two searches for records to publish
 PASSED_M = 1.6  # from there on a door is out of view
-PASSED_S = 20.0
+PASSED_S = 20.0  # or was not observed for so long
 MOVED_M = 0.04  # a record whose place changed less is not published again
-SAME_RECORD_M = 0.6
+SAME_RECORD_M = 0.6  # a door nearer to a record belongs to it; doors stand further apart
 RETAKE_NEAR_M = 4.0  # the robot does not drive further back than this
 DOOR, NAME_TAG = "Door", "Name Tag"
 

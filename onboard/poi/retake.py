@@ -13,16 +13,18 @@ from common.geometry import Pose2, wrap_angle
 from common.messages import PoiCommand
 from onboard.poi.placement.wall_line import WallPoint
 
-VISITS_MAX = 2
+VISITS_MAX = 2  # of one sign
 DISTANCE_M = (0.7, 1.5)  # from the wall, as the hall allows
-ARRIVED_M, ARRIVED_RAD = 0.5, 0.15
-STANDING_M_S, STANDING_RAD_S = 0.03, 0.05
-DRIVE_MAX_S = 45.0
-HOLD_MAX_S = 8.0
+ARRIVED_M, ARRIVED_RAD = 0.5, 0.15  # from the goal
+STANDING_M_S, STANDING_RAD_S = 0.03, 0.05  # below both the robot stands
+DRIVE_MAX_S = 45.0  # RETAKE_NEAR_M at mapping speed takes 25 s, turns included less than this
+HOLD_MAX_S = 8.0  # for PHOTOS frames and their reading
 PHOTOS = 3
 
 
 class Phase(Enum):
+    """Where a retake stands."""
+
     IDLE = "idle"
     DRIVING = "driving"
     HOLDING = "holding"

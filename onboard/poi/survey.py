@@ -26,14 +26,14 @@ from onboard.poi.placement.wall_map import WallMap
 from onboard.poi.signs.reading_worker import Finding, Job, Reading, ReadingWorker
 from onboard.poi.signs.sign_detection import Box, sign_candidates
 
-TURNING_RAD_S = 0.08
-FULL_SPACING_M = 0.12
-STANDING_SPACING_S = 0.4
-FRAME_AGE_MAX_S = 1.0
+TURNING_RAD_S = 0.08  # above it previews blur and the sonar measures other walls
+FULL_SPACING_M = 0.12  # path between two full frames
+STANDING_SPACING_S = 0.4  # between two full frames of a robot that holds: one per preview
+FRAME_AGE_MAX_S = 1.0  # an older preview is dropped
 POSE_WAIT_S = 0.25  # how long a frame waits for the pose after it
-JOBS_AT_ONCE = 3
+JOBS_AT_ONCE = 3  # below JOBS_MAX of the worker, since a frame may hold several signs
 SKEW_MAX_RAD = 0.2  # between the wall line of the echoes and the wall on the map
-PHOTO_QUALITY = 80
+PHOTO_QUALITY = 80  # of the JPEG, 0 to 100
 
 
 class Survey:

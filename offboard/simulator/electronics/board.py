@@ -34,6 +34,8 @@ class FirmwareBuildError(RuntimeError):
 
 
 class ResetCause(IntEnum):
+    """Why the microcontroller restarted; the numbers are those of the firmware."""
+
     POWER_ON = 0
     EXTERNAL = 1
     BROWN_OUT = 2

@@ -37,7 +37,8 @@ _FAR_BELOW_M = -10.0  # where an absent person is kept
 class Line(Protocol):
     """A serial line that carries bytes between the board's UART and the bridge."""
 
-    def exchange(self, board: Board, now_s: float) -> None: ...
+    def exchange(self, board: Board, now_s: float) -> None:
+        """Moves the bytes of one step, in both directions."""
 
 
 class World:

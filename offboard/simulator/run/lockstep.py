@@ -76,6 +76,7 @@ class Lockstep:
         return self.simulation.world.time_s
 
     def advance(self) -> None:
+        """One step of the world, STEP_S, then of every node that is due."""
         began = time.perf_counter()
         self.simulation.advance(self.now_s + STEP_S)
         self.world_s += time.perf_counter() - began

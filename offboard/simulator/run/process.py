@@ -113,6 +113,7 @@ class SimulatorNode:
 
 
 def simulator_parser() -> argparse.ArgumentParser:
+    """Arguments of the process: those of every node, and the options of the run."""
     parser = argument_parser("simulator")
     parser.add_argument("--floor", type=Path, required=True)
     parser.add_argument("--start", type=int, default=0)

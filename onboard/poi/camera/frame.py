@@ -12,7 +12,7 @@ Gray = npt.NDArray[np.uint8]  # (height, width)
 
 PREVIEW_SIZE_PX = (640, 480)
 FULL_SIZE_PX = (1280, 960)
-PREVIEW_PERIOD_S = 0.4
+PREVIEW_PERIOD_S = 0.4  # a door of 0.9 m is in 14 previews at mapping speed
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from onboard.poi.camera.frame import FULL_SIZE_PX, PREVIEW_PERIOD_S, PREVIEW_SIZ
 from onboard.poi.camera.frame_socket import SocketFrames
 
 EXPOSURE_US = 15_000  # at 0.16 m/s a plate's stroke moves by 2.4 mm meanwhile
-PHOTO_SIDE_MIN_PX = 32
+PHOTO_SIDE_MIN_PX = 32  # smaller files are no photos
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp")
 _ROUNDING_S = 1e-6  # of clocks that add up steps

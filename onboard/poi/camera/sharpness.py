@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from onboard.poi.camera.frame import Gray
 
-NORMAL_HEIGHT_PX = 160
+NORMAL_HEIGHT_PX = 160  # every image is scaled to it, so that photos from different distances compare
 _HIGH_FREQUENCY = 0.25  # cycles per pixel
 
 

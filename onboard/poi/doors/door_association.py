@@ -15,19 +15,21 @@ from onboard.poi.doors.door_detection import Side
 from onboard.poi.doors.observations import Edge, Sign, same_wall
 from onboard.poi.placement.wall_line import WallPoint
 
-OFF_WALL_M = 0.25
+OFF_WALL_M = 0.25  # between what belongs to one wall, out of its plane
 DOOR_WIDTH_M = (0.65, 1.45)  # between the outer edges of the frame
-USUAL_WIDTH_M = 1.06
+USUAL_WIDTH_M = 1.06  # where only one edge is known
 PLATE_REACH_M = 0.55  # from a plate to its door's nearest edge
-OBSERVATIONS_MIN = 2
+OBSERVATIONS_MIN = 2  # of an edge: one alone is often noise
 OBSERVATIONS_UNREAD_MIN = 4  # of each edge of a door without a plate
 SAME_DOOR_M = 0.6  # two that stand nearer are one, observed twice
-SAME_NUMBER_M = 1.2
+SAME_NUMBER_M = 1.2  # the same, when both have one number
 
 Span = tuple[Edge, Edge]  # left and right edge of a door
 
 
 class State(Enum):
+    """How well the number of a door is known."""
+
     READ = "read"
     DOUBTFUL = "doubtful"  # a number was read, but not often or not clearly enough
     UNREAD = "unread"

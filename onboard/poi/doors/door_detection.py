@@ -25,14 +25,14 @@ from onboard.poi.placement.wall_line import WallLine
 Mask = npt.NDArray[np.bool_]
 Colour = npt.NDArray[np.float64]  # (3,), blue green red
 
-BAND_LOW_M, BAND_HEIGHT_M = 0.85, 0.14
-BAND_ROWS = 12
+BAND_LOW_M, BAND_HEIGHT_M = 0.85, 0.14  # above the floor: below every sign
+BAND_ROWS = 12  # rows whose median is the colour of a column
 DARKER, BRIGHTER = 0.78, 1.28  # luminance over the wall's
-CHROMA_STEP = 0.022
+CHROMA_STEP = 0.022  # share of one colour in the sum of three
 SOLID_M = 0.035  # an edge with less wall or door on one of its sides is noise
 TRACKING = 0.3  # weight of the newest preview in the wall's colour
 LOST_M = 1.6  # "door" over more than any door's width is the wall
-BRIGHT_SHARE = 0.25
+BRIGHT_SHARE = 0.25  # of the columns: so many brighter ones are the wall
 
 
 class Side(Enum):
@@ -44,6 +44,8 @@ class Side(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DoorEdge:
+    """An edge between wall and door, in a column of the preview."""
+
     side: Side
     u_px: float
 

@@ -14,10 +14,10 @@ from onboard.poi.doors.door_detection import Side
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.signs.sign_reading import SignReading, Verdict
 
-SAME_WALL_RAD = 0.4
-AGREEING_MIN = 2
-BLANKS_MAX = 3
-MAJORITY = 0.6
+SAME_WALL_RAD = 0.4  # between normals of one wall; walls meet at right angles
+AGREEING_MIN = 2  # photos with the same number
+BLANKS_MAX = 3  # photos without text, after which a candidate is no sign
+MAJORITY = 0.6  # share of the winning number in the confidence of all readings
 
 
 @dataclass(slots=True)
@@ -33,6 +33,7 @@ class Place:
 
     @classmethod
     def of(cls, point: WallPoint, now_s: float) -> Place:
+        """The place of a first observation."""
         return cls(point.x_m, point.y_m, cos(point.normal_rad), sin(point.normal_rad), 1, now_s)
 
     @property
@@ -40,6 +41,7 @@ class Place:
         return WallPoint(self.x_m, self.y_m, atan2(self.normal_y, self.normal_x))
 
     def add(self, point: WallPoint, now_s: float) -> None:
+        """Merges another observation into the mean."""
         self.count, self.seen_s = self.count + 1, now_s
         share = 1.0 / self.count
         self.x_m += share * (point.x_m - self.x_m)
@@ -50,6 +52,8 @@ class Place:
 
 @dataclass(slots=True)
 class Edge:
+    """An edge of a door: its side and its place."""
+
     side: Side
     place: Place
 
@@ -70,6 +74,7 @@ class Sign:
     distance_m: float = 1.0  # of the robot from the wall when it was seen last
 
     def vote(self, reading: SignReading) -> None:
+        """Counts one reading of the sign."""
         self.verdicts[reading.verdict] += 1
         if reading.verdict is Verdict.PLATE:
             self.numbers[reading.number] += 1

@@ -12,9 +12,9 @@ from math import hypot, inf
 from common.geometry import Pose2, wrap_angle
 from common.messages import PoseEstimate
 
-KEPT = 600  # one minute
-EXTRAPOLATED_MAX_S = 0.25
-_RATE_SPAN_S = 0.35
+KEPT = 600  # poses, one minute
+EXTRAPOLATED_MAX_S = 0.25  # 4 cm at mapping speed
+_RATE_SPAN_S = 0.35  # over which the motion is measured
 
 
 class PoseHistory:

@@ -21,9 +21,9 @@ STEP_MAX_M = 0.12  # off the line: another wall
 SKEW_MAX_RAD = 0.25  # a wall that stands more across than this is not the one that the robot drives along
 ROUGH_MAX_M = 0.035  # standard deviation off the line; rougher feet lie on several walls
 FEET_KEPT = 120
-FEET_MIN = 4
+FEET_MIN = 4  # for a wall line
 SPREAD_MIN_M = 0.25  # shorter pieces give no direction
-INCIDENCE_MAX_RAD = 0.9
+INCIDENCE_MAX_RAD = 0.9  # a flatter ray places a sign too inexactly
 
 
 @dataclass(frozen=True, slots=True)

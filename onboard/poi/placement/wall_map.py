@@ -15,12 +15,12 @@ from common.wall_points import WallPointMap
 from onboard.poi.placement.wall_line import WallPoint
 
 BACKING_M = 0.20  # a door may stand back from its wall, and the map errs
-SAMPLES = 5
-BACKED_SHARE = 0.8
+SAMPLES = 5  # places on the line between two edges
+BACKED_SHARE = 0.8  # of the samples within BACKING_M of a wall point
 INNER = 0.7  # share of the line that is sampled: the corners of a mouth give echoes at its ends
-NEAR_M = 0.7
-POINTS_MIN = 5
-PATH_CLEAR_M, GOAL_CLEAR_M = 0.25, 0.45
+NEAR_M = 0.7  # radius of the wall points that give a normal
+POINTS_MIN = 5  # among them
+PATH_CLEAR_M, GOAL_CLEAR_M = 0.25, 0.45  # free of wall points beside the line, and around its end
 STRAIGHT = 0.25  # spread across over spread along: more is a corner
 
 

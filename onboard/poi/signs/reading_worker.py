@@ -27,8 +27,8 @@ from onboard.poi.signs.sign_reading import SignReading, SignRules, TextLine, sig
 
 HALF_WIDTH_M, LOW_M, HIGH_M = 0.45, 1.12, 1.88  # what is read around a candidate
 PX_PER_M = 840.0  # a plate of 30 mm capitals is legible; more pixels cost time and add nothing
-JOBS_MAX = 4
-NICENESS = 10
+JOBS_MAX = 4  # waiting; further ones are dropped
+NICENESS = 10  # of the thread
 LATENCY_S = 0.5  # simulated
 _BORDER = 0.4  # a line nearer to the border than this share of its height is cut off
 
@@ -38,7 +38,8 @@ _log = logging.getLogger("poi")
 class Reader(Protocol):
     """What finds text; `sign_reading.SignReader`."""
 
-    def lines(self, image: Image) -> list[TextLine]: ...
+    def lines(self, image: Image) -> list[TextLine]:
+        """All lines of text, with their places in pixels of `image`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,15 +104,18 @@ class ReadingWorker(Protocol):
     """Takes jobs and hands their readings out in the same order; neither call waits."""
 
     @property
-    def pending(self) -> int: ...
+    def pending(self) -> int:
+        """How many jobs have no reading yet."""
 
     @property
     def ready(self) -> bool:
         """The models are loaded."""
 
-    def submit(self, job: Job, now_s: float) -> None: ...
+    def submit(self, job: Job, now_s: float) -> None:
+        """Takes a job; a worker with too many drops it."""
 
-    def results(self, now_s: float) -> list[Reading]: ...
+    def results(self, now_s: float) -> list[Reading]:
+        """The readings that became ready since the last call, oldest first."""
 
     def close(self) -> None: ...
 

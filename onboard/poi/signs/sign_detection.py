@@ -14,12 +14,12 @@ import numpy as np
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Gray
 
-SIGN_LOW_M, SIGN_HIGH_M = 1.15, 1.85
-WIDTH_M = (0.03, 0.45)
+SIGN_LOW_M, SIGN_HIGH_M = 1.15, 1.85  # above the floor
+WIDTH_M = (0.03, 0.45)  # of a block of text on a sign
 HEIGHT_M = (0.015, 0.30)
 STROKE = 45.0  # smallest step of brightness, by Sobel, that counts as a stroke
 MERGE_M = 0.030  # strokes that belong together
-DENSITY_MIN = 0.08
+DENSITY_MIN = 0.08  # share of strokes in the pixels of a box
 MARGIN_M = 0.02  # to the border of the picture: what is cut off is not worth reading
 
 

@@ -19,9 +19,9 @@ import numpy as np
 from common.config import PoiSection
 from onboard.poi.camera.frame import Image
 
-DETECTION_SIDE_PX = 480
-CONFIDENT = 0.90
-LEGIBLE = 0.5
+DETECTION_SIDE_PX = 480  # longer side of the image that rapidocr looks for text in
+CONFIDENT = 0.90  # confidence from which a number counts
+LEGIBLE = 0.5  # confidence from which other text counts
 NUMBER_HEIGHT_M = (0.018, 0.13)  # of the letters as measured, up to twice their own
 LETTER_HEIGHT = 1.6  # in widths, at most
 SAME_LINE = 0.5  # overlap along y, share of the smaller height
@@ -29,7 +29,7 @@ WORD_GAP = 1.0  # between boxes of one line, in heights
 NEIGHBOUR_GAP = 1.6  # between lines of one sign, in heights of the higher one
 OPEN_GAP = 1.0  # to the border of the picture, in heights: enough to see that there is no neighbour
 SECONDARY = 0.8  # other lines of a plate are lower than this share of its number
-TYPE_LIKENESS = 0.75
+TYPE_LIKENESS = 0.75  # ratio of difflib between a line and a room type
 NUMBER_LETTERS_MAX = 12  # no room number has more, and a site's own pattern may take time that doubles with each
 # What OCR takes for one another: where the format wants a digit, and only there
 _DIGIT_FOR = str.maketrans({"O": "0", "Q": "0", "D": "0", "I": "1", "L": "1", "|": "1", "Z": "2", "S": "5", "B": "8"})
@@ -62,6 +62,8 @@ class TextLine:
 
 
 class Verdict(Enum):
+    """What `SignRules.judge` takes a sign for."""
+
     PLATE = "plate"
     UNCLEAR = "unclear"  # a plate by its looks, but not legible; worth another photo
     OTHER = "other"  # a poster, a direction, a notice
