@@ -7,22 +7,25 @@ of the board's only core. Figures are printed for the factors 15, 20 and 30.
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
 
 from common.clock import FreeClock
 from common.config import load_config
 from common.messages import TOPICS
 from common.modules import PACKAGES, Board, on
-from common.process import STEPS_SUFFIX
 from common.zenoh_bus import ZenohBus
-from deploy.bench.process_cost import between, command_line, family, memory, threads
+from deploy.bench.process_cost import GroupCost, Memory, between, command_line, family, memory, threads
+from deploy.bench.waiting import BenchFailed, until
+from deploy.local.report import read_steps
+from offboard.evaluate.summary import StepTimes
 
 FLOOR = "office"  # more than 40 m of hall
 SETTLE_S = 20.0  # from the start of the mission, until the map is large enough to be worth something
@@ -32,12 +35,7 @@ CATCH_UP_S = 3.0  # what was published before comes at once
 A8_FACTORS = (15, 20, 30)
 _START_S = 60.0
 _END_S = 20.0
-_POLL_S = 0.2
 _LISTEN_PERIOD_S = 0.05
-
-
-class BenchFailed(Exception):
-    """What was waited for did not come."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +56,13 @@ class Mission:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "deploy.cli", *arguments], stdout=log, stderr=subprocess.STDOUT
             )
-        deadline_s = time.monotonic() + _START_S
-        while "The mission has started" not in self._log.read_text(encoding="utf-8"):
-            if self._process.poll() is not None or time.monotonic() > deadline_s:
-                raise BenchFailed(f"the mission did not start:\n{self._log.read_text(encoding='utf-8')}")
-            time.sleep(_POLL_S)
+        until(self._started, _START_S, "the start of the mission")
+
+    def _started(self) -> bool:
+        output = self._log.read_text(encoding="utf-8")
+        if self._process.poll() is not None:
+            raise BenchFailed(f"the mission did not start:\n{output}")
+        return "The mission has started" in output
 
     @property
     def config_file(self) -> Path:
@@ -79,12 +79,9 @@ class Mission:
                 found[name] = family(pid)
         return found
 
-    def longest_steps_ms(self) -> dict[str, float]:
+    def steps(self) -> dict[str, StepTimes]:
         """By process, once the mission has ended."""
-        found = {}
-        for file in sorted((self._run / "process").glob(f"*{STEPS_SUFFIX}")):
-            found[file.name.removesuffix(STEPS_SUFFIX)] = float(json.loads(file.read_text("utf-8"))["max_ms"])
-        return found
+        return read_steps(self.config_file.parent)
 
     def end(self) -> None:
         self._process.terminate()
@@ -130,7 +127,16 @@ def bench(quick: bool) -> None:
             published = traffic(mission.config_file, LISTEN_S)
         finally:
             mission.end()
-        longest_ms = mission.longest_steps_ms()
+        steps = mission.steps()
+    _print_costs(costs, sizes, published, steps)
+
+
+def _print_costs(
+    costs: Mapping[str, list[GroupCost]],
+    sizes: Mapping[str, Memory],
+    published: Mapping[str, Traffic],
+    steps: Mapping[str, StepTimes],
+) -> None:
     total = 0.0
     for name, groups in sorted(costs.items()):
         share = sum(group.cpu_share for group in groups)
@@ -140,7 +146,7 @@ def bench(quick: bool) -> None:
             f"{name}: {100 * share:.2f} % of a core, {sum(g.wakeups_hz for g in groups):.0f} wake-ups/s, "
             f"{sent.messages_hz:.0f} messages/s of {sent.bytes_s / 1000:.1f} kB/s, "
             f"{sizes[name].resident_mb:.0f} MB resident ({sizes[name].proportional_mb:.0f} MB proportional), "
-            f"longest step {longest_ms.get(name, float('nan')):.1f} ms"
+            f"longest step {steps[name].max_ms if name in steps else nan:.1f} ms"
         )
         for group in groups:
             print(f"    {group.threads} x {group.name}: {100 * group.cpu_share:.2f} %, {group.wakeups_hz:.0f}/s")

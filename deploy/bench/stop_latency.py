@@ -11,7 +11,6 @@ import secrets
 import tempfile
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from common.messages import PERMIT, POI, POSE, Operation, PointOfInterest
 from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
 from deploy.bench.relay import Relay
+from deploy.bench.waiting import BenchFailed, until
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES
 from deploy.local.supervisor import Supervisor
@@ -37,22 +37,9 @@ PHOTO_BYTES = 100_000
 PHOTO_PERIOD_S = 0.033  # 3 MB/s are offered
 STOPS, STOPS_QUICK = 200, 20
 FLOOR = "loop"
-_POLL_S = 0.005
 _WAIT_S = 30.0
 _FILL_S = 3.0
 _END_S = 5.0
-
-
-class BenchFailed(Exception):
-    """What was waited for did not come."""
-
-
-def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > deadline_s:
-            raise BenchFailed(f"{what} did not come within {timeout_s:.0f} s")
-        time.sleep(_POLL_S)
 
 
 class Photos:
