@@ -26,6 +26,7 @@ from deploy.local.process_table import PROCESSES, SIMULATOR
 from deploy.local.report import summarise
 from deploy.local.supervisor import ProcessFailed, Supervisor
 from deploy.local.terminal_ui import Left, TerminalUi, has_terminal
+from offboard.evaluate.run_text import progress
 from offboard.simulator.run.options import RunOptions, load_world, prepare_folder
 
 SERIAL_WAIT_S = 30.0
@@ -245,7 +246,7 @@ class LocalRun:
                     return
                 if time.monotonic() >= next_s and self._began_s is not None and self._screen is None:
                     next_s = time.monotonic() + _PROGRESS_PERIOD_S
-                    self._print_progress(bus, view, view.t_s - self._began_s)
+                    print(progress(view.t_s - self._began_s, view, bus.latest(PERMIT)), flush=True)
             if self._stop.wait(_POLL_S):
                 raise Interrupted
 
@@ -258,15 +259,6 @@ class LocalRun:
             self._person_halted = True
         if view.mode == _WAITING and permit is not None and permit.granted and not self._person_halted:
             bus.publish(OPERATION, OperatorCommand(time.monotonic(), Operation.START))
-
-    @staticmethod
-    def _print_progress(bus: ZenohBus, view: PlannerView, mission_s: float) -> None:
-        permit = bus.latest(PERMIT)
-        standing = "" if permit is None or permit.granted else f", standing: {permit.reason}"
-        print(
-            f"{mission_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, {view.detail}{standing}",
-            flush=True,
-        )
 
     def _await_recorded(self, bus: ZenohBus) -> None:
         """The end of the mission must be in the database; a recorder that cannot is not waited for long."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from common.messages import PlannerView
 from common.process import STEPS_SUFFIX
+from offboard.evaluate.run_text import figures
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.simulator.run.options import RunOptions, floor_json
 
@@ -47,10 +48,5 @@ def read_steps(folder: Path) -> dict[str, StepTimes]:
 def closing_line(summary: Mapping[str, Any], folder: Path) -> str:
     """The figures that people look at first, and where the rest stands."""
     simulated_s, wall_s = summary["simulated_time_s"], summary["wall_time_s"]
-    figures = [
-        f"{name} {summary[name]:.3f}"
-        for name in ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m")
-        if isinstance(summary.get(name), float)
-    ]
     times = f"{simulated_s:.0f} s of mission in {wall_s:.0f} s"
-    return f"{', '.join([times, *figures])}\nRun folder {folder}"
+    return f"{', '.join([times, *figures(summary)])}\nRun folder {folder}"

@@ -16,6 +16,7 @@ from common.config import Config, with_camera
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView
 from common.node import Node
+from offboard.evaluate.run_text import HEADLINE, figures, progress
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.recorder.recorder import Recorder
 from offboard.simulator.camera.camera_frames import CameraFrames
@@ -186,12 +187,7 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
         if view is not None and time.monotonic() - printed_s > PROGRESS_S:
             printed_s = time.monotonic()
             pace = robot.now_s / (printed_s - began_s)
-            newest = permit.latest(PERMIT)
-            standing = "" if newest is None or newest.granted else f", standing: {newest.reason}"
-            _print(
-                f"{robot.now_s:7.0f} s  {view.area_m2:6.1f} m2 mapped, {view.halls_open} halls open, "
-                f"{view.detail}{standing}, {pace:.0f} times real time"
-            )
+            _print(f"{progress(robot.now_s, view, permit.latest(PERMIT))}, {pace:.0f} times real time")
         return view is not None and view.outcome.ends_mission
 
     robot.run_until(finished, TIME_LIMIT_S)
@@ -201,16 +197,12 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
 
 def _closing_line(summary: dict[str, object], robot: Lockstep, folder: object) -> str:
     shares = ", ".join(f"{slot.node.name} {sum(slot.durations_s):.1f} s" for slot in robot.slots)
-    figures = ", ".join(
-        f"{key} {summary[key]:.3f}"
-        for key in ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m", "ratio")
-        if isinstance(summary.get(key), float)
-    )
+    measured = ", ".join(figures(summary, (*HEADLINE, "ratio")))
     wall_s = summary["wall_time_s"]
     assert isinstance(wall_s, float)
     return (
         f"{summary['outcome'] if summary['finished'] else 'NOT finished'} after {robot.now_s:.0f} s in {wall_s:.1f} s "
-        f"({robot.now_s / max(wall_s, 1e-3):.1f} times real time): {figures}\n"
+        f"({robot.now_s / max(wall_s, 1e-3):.1f} times real time): {measured}\n"
         f"wall time: world {robot.world_s:.1f} s, {shares}\nrun folder {folder}"
     )
 
