@@ -10,7 +10,7 @@ from common.messages import MapUpdate
 
 
 class WallPointMap:
-    """All points known now, kept as they travel: a map of a million points takes 8 MB."""
+    """All points known now, kept as they travel: eight bytes each."""
 
     def __init__(self) -> None:
         self._points_m: npt.NDArray[np.float32] = np.zeros((0, 2), np.float32)
