@@ -20,7 +20,7 @@ from common.messages import LOG, OUTBOX, RECEIPT, ROBOT_RECORDED, STATUS
 from common.recording import Known, Losses, RecordedMessage, add_loss, remember
 from onboard.comm.crash_buffer import CrashBuffer
 from onboard.comm.outbox_sender import OutboxSender
-from onboard.comm.outbox_store import RAM_BYTES, OutboxStore, Turn, open_store
+from onboard.comm.outbox_store import RAM_BYTES, Batch, OutboxStore, Turn, open_store
 
 ROW_PERIOD_S = 0.25
 RETRY_S = 1.0  # after the disk refused
@@ -181,6 +181,13 @@ class Outbox:
 
     def _work(self, count: int) -> Callable[[], Turn]:
         """What there is to do for the disk, as of now, with so many of the messages that wait."""
-        messages, dropped, received = self._waiting[:count], dict(self._dropped), dict(self._received)
-        life, acknowledged, load = self._sender.outbox_id, self._sender.acknowledged, self._sender.rows is None
-        return lambda: self._store.turn(messages, dropped, received, life, acknowledged, load)
+        sender = self._sender
+        batch = Batch(
+            self._waiting[:count],
+            dict(self._dropped),
+            dict(self._received),
+            sender.outbox_id,
+            sender.acknowledged,
+            load=sender.rows is None,
+        )
+        return lambda: self._store.turn(batch)

@@ -55,6 +55,18 @@ class Turn:
     refused: sqlite3.Error | None = None  # why nothing that came was stored
 
 
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """What one transaction stores and removes."""
+
+    messages: Sequence[RecordedMessage]
+    dropped: Losses
+    received: Known
+    outbox_id: int  # the life that was acknowledged
+    acknowledged: int  # all rows before this number
+    load: bool  # the first rows are wanted
+
+
 def pack_row(messages: Sequence[RecordedMessage], dropped: Losses) -> bytes:
     """One row: messages as [topic, boot id, sequence, bytes], losses as [topic, boot id, first, last]."""
     listed = [[m.key, m.boot_id, m.sequence, m.data] for m in messages]
@@ -91,29 +103,20 @@ class OutboxStore:
         """What an earlier life left."""
         return Turn(self.outbox_id, self._stored_bytes, self._first(self._database or self._open()))
 
-    def turn(
-        self,
-        messages: Sequence[RecordedMessage],
-        dropped: Losses,
-        received: Known,
-        outbox_id: int,
-        acknowledged: int,
-        load: bool,
-    ) -> Turn:
-        """Stores what came, all or nothing, removes all rows before `acknowledged`, and `load`s what is first now.
+    def turn(self, batch: Batch) -> Turn:
+        """Stores what came, all or nothing, removes what was acknowledged, and loads what is first now.
 
-        `outbox_id` is the life that was acknowledged. A file that turns out to be damaged is put aside, and another
-        life begins with what came.
+        A file that turns out to be damaged is put aside, and another life begins with what came.
         """
         try:
-            return self._turn(messages, dropped, received, outbox_id, acknowledged, load)
+            return self._turn(batch)
         except sqlite3.DatabaseError as error:
             if self._file is None or not damaged(error):
                 raise
             _log.error("outbox is damaged, another begins error=%s", error)
             self.close()
             _put_aside(self._file)
-        return self._turn(messages, dropped, received, outbox_id, acknowledged, load)
+        return self._turn(batch)
 
     def close(self) -> None:
         database, self._database = self._database, None
@@ -152,26 +155,19 @@ class OutboxStore:
         self._database = database
         return database
 
-    def _turn(
-        self,
-        messages: Sequence[RecordedMessage],
-        dropped: Losses,
-        received: Known,
-        outbox_id: int,
-        acknowledged: int,
-        load: bool,
-    ) -> Turn:
+    def _turn(self, batch: Batch) -> Turn:
         database = self._database or self._open()
-        load = load or outbox_id != self.outbox_id
-        acknowledged = acknowledged if outbox_id == self.outbox_id else 0
+        same_life = batch.outbox_id == self.outbox_id
+        load = batch.load or not same_life
+        acknowledged = batch.acknowledged if same_life else 0
         refused: sqlite3.Error | None = None
         try:
             with transaction(database):
                 removed_bytes = self._remove(database, acknowledged)
-                added_bytes = self._store(database, messages, dropped)
-                self._write_received(database, received)
+                added_bytes = self._store(database, batch.messages, batch.dropped)
+                self._write_received(database, batch.received)
             self._stored_bytes += added_bytes - removed_bytes
-            self.received = received
+            self.received = batch.received
         except sqlite3.Error as error:
             if damaged(error):
                 raise
