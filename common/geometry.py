@@ -105,6 +105,16 @@ class RightAngles:
         return wrap_angle(4 * (direction_rad - self.direction_rad)) / 4
 
 
+def principal_axis(points: Points) -> tuple[float, float, float]:
+    """The line that points (N, 2), N > 1, spread along: its direction in (-pi/2, pi/2], variances across and along it.
+
+    Total least squares: the axes of the covariance's ellipse.
+    """
+    (a, b), (_, d) = np.cov((points - points.mean(axis=0)).T)
+    across, along = np.linalg.eigvalsh([[a, b], [b, d]]).tolist()
+    return 0.5 * atan2(2 * b, a - d), across, along
+
+
 def rigid_fit(source: Points, target: Points) -> Pose2:
     """The rigid motion that brings `source` (N, 2) onto `target` (N, 2) with the least squared distance.
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from math import atan2, cos, hypot, isnan, pi, sin
+from math import cos, hypot, isnan, pi, sin
 
 import numpy as np
 
-from common.geometry import Pose2, wrap_angle
+from common.geometry import Pose2, principal_axis, wrap_angle
 
 WALL_REACH_M = 2.6  # from further away poi reads nothing
 ALONG_M = 1.2  # echoes this near to the newest belong to the same piece of wall
@@ -124,6 +124,5 @@ def _line(feet: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> tuple[floa
     spread_m = float(np.ptp(feet[:, 0]))
     if spread_m < SPREAD_MIN_M:
         return 0.0, float(centre[1])
-    (a, b), (_, d) = np.cov((feet - centre).T)
-    along_rad = 0.5 * atan2(2 * b, a - d)
+    along_rad, _, _ = principal_axis(feet)
     return along_rad, float(centre[1] - np.tan(along_rad) * centre[0])

@@ -5,11 +5,11 @@ A candidate for a door without a wall behind it is the mouth of a side hall.
 
 from __future__ import annotations
 
-from math import atan2, cos, pi
+from math import cos, pi
 
 import numpy as np
 
-from common.geometry import Points, Pose2, wrap_angle
+from common.geometry import Points, Pose2, principal_axis, wrap_angle
 from common.messages import MapUpdate
 from common.wall_points import WallPointMap
 from onboard.poi.placement.wall_line import WallPoint
@@ -67,11 +67,10 @@ class WallMap:
         near = self._near(np.array([point.x_m, point.y_m]), NEAR_M)
         if len(near) < POINTS_MIN:
             return None
-        (a, b), (_, d) = np.cov((near - near.mean(axis=0)).T)
-        across, along = np.linalg.eigvalsh([[a, b], [b, d]])
+        direction_rad, across, along = principal_axis(near)
         if across > STRAIGHT**2 * along:
             return None
-        normal_rad = 0.5 * atan2(2 * b, a - d) + pi / 2
+        normal_rad = direction_rad + pi / 2
         if cos(normal_rad - point.normal_rad) < 0:
             normal_rad += pi
         return wrap_angle(normal_rad)
