@@ -12,8 +12,38 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 _SIDES = ("", "-wal", "-shm")  # the database itself, and what stands beside it while it is open
+
+
+class Connection(sqlite3.Connection):
+    """For `sqlite3.connect(..., factory=Connection)`: whatever is damaged raises sqlite3.Error.
+
+    Where the damage stands in the text of the schema, SQLite quotes it, and Python cannot decode what it says.
+    """
+
+    def execute(self, *query: Any) -> sqlite3.Cursor:
+        with _decoded():
+            return super().execute(*query)
+
+    def executemany(self, *query: Any) -> sqlite3.Cursor:
+        with _decoded():
+            return super().executemany(*query)
+
+    def executescript(self, *query: Any) -> sqlite3.Cursor:
+        with _decoded():
+            return super().executescript(*query)
+
+
+@contextmanager
+def _decoded() -> Iterator[None]:
+    try:
+        yield
+    except UnicodeDecodeError as error:
+        corrupt = sqlite3.DatabaseError("malformed database schema")
+        corrupt.sqlite_errorcode, corrupt.sqlite_errorname = sqlite3.SQLITE_CORRUPT, "SQLITE_CORRUPT"
+        raise corrupt from error
 
 
 class DatabaseMovedError(sqlite3.DatabaseError):

@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from common.codec import DecodeError, as_text, decode
+from common.database import Connection
 from common.messages import LOG, POI, STATUS, LogLine, PointOfInterest, Status, Topic
 from offboard.runs.run_folder import DATABASE_NAME
 from offboard.runs.run_schema import TOPIC_OF_KEY, RunDatabaseError, check_version
@@ -66,7 +67,11 @@ class RunReader:
         self._file = file
         try:
             self._database = sqlite3.connect(
-                f"{file.resolve().as_uri()}?mode=ro", uri=True, timeout=_BUSY_S, check_same_thread=False
+                f"{file.resolve().as_uri()}?mode=ro",
+                uri=True,
+                timeout=_BUSY_S,
+                check_same_thread=False,
+                factory=Connection,
             )
             version = check_version(self._database, file)
         except sqlite3.OperationalError as error:

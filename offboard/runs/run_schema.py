@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from common.codec import DecodeError, decode
-from common.database import DatabaseFiles, damaged, transaction
+from common.database import Connection, DatabaseFiles, damaged, transaction
 from common.errors import StartError
 from common.messages import TOPICS, Topic
 from common.recording import KNOWN_BOOTS, Known, Losses, RecordedMessage
@@ -159,7 +159,7 @@ class RunDatabase:
         Raises RunDatabaseError where this program cannot go on with what the file holds.
         """
         file.parent.mkdir(parents=True, exist_ok=True)
-        self.connection = sqlite3.connect(file, check_same_thread=False, isolation_level=None)
+        self.connection = sqlite3.connect(file, check_same_thread=False, isolation_level=None, factory=Connection)
         try:
             version = check_version(self.connection, file)
             # What is acknowledged must outlive a power cut; a run in lockstep can be had again

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import msgpack
 
-from common.database import DatabaseFiles, damaged, transaction
+from common.database import Connection, DatabaseFiles, damaged, transaction
 from common.recording import Known, Losses, RecordedMessage
 
 LOAD_BYTES = 256_000  # of rows that go to the recorder together
@@ -129,7 +129,9 @@ class OutboxStore:
     def _open(self, new_id: int | None = None) -> sqlite3.Connection:
         if self._file is not None:
             self._file.parent.mkdir(parents=True, exist_ok=True)
-        database = sqlite3.connect(self._file or ":memory:", check_same_thread=False, isolation_level=None)
+        database = sqlite3.connect(
+            self._file or ":memory:", check_same_thread=False, isolation_level=None, factory=Connection
+        )
         try:
             # WAL with NORMAL: no commit waits for the medium, and none is torn; a power cut costs what the system had
             # not handed to the medium, which it does within half a minute

@@ -62,6 +62,13 @@ WILD_TOML = (
 )
 
 
+def spoil_schema(file: Path) -> None:
+    """What the file says of its tables is no text any more."""
+    content = file.read_bytes()
+    assert b"CREATE TABLE" in content
+    file.write_bytes(content.replace(b"CREATE TABLE", b"CREATE T\xa0BLE"))
+
+
 class Damage:
     """One seed, one sequence of cases."""
 

@@ -17,6 +17,7 @@ from offboard.recorder.run_files import RunFiles
 from offboard.runs import run_folder
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_schema import SCHEMA_VERSION, RunDatabase
+from tests.unit.damage import spoil_schema
 from tests.unit.outbox_link import Link, damage, door, pose, poses_in
 
 # Of the first version of the project
@@ -110,9 +111,19 @@ def of_a_newer_program(file: Path) -> None:
         database.execute(f"PRAGMA user_version = {SCHEMA_VERSION + 1}")
 
 
+def of_a_schema_that_is_no_text(file: Path) -> None:
+    RunDatabase(file, None, 1).close()
+    spoil_schema(file)
+
+
 @pytest.mark.requirement("CM_MR_01")
 @pytest.mark.parametrize(
-    ("spoil", "reason"), [(no_database, "is no run database"), (of_a_newer_program, "written by a newer program")]
+    ("spoil", "reason"),
+    [
+        (no_database, "is no run database"),
+        (of_a_newer_program, "written by a newer program"),
+        (of_a_schema_that_is_no_text, "malformed database schema"),
+    ],
 )
 def test_what_a_recorder_cannot_go_on_with_is_kept_and_the_true_reason_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, spoil: Callable[[Path], None], reason: str

@@ -28,6 +28,7 @@ from onboard.comm import outbox, outbox_store
 from onboard.comm.outbox import ROW_PERIOD_S, THINNED_TO
 from onboard.comm.outbox_sender import OWNER_SILENCE_S, PIECE_BYTES
 from onboard.comm.outbox_store import OutboxStore, open_store
+from tests.unit.damage import spoil_schema
 from tests.unit.outbox_link import Link, damage, door, poses_in
 
 
@@ -365,6 +366,14 @@ def test_an_outbox_file_that_is_none_is_put_aside(tmp_path: Path) -> None:
     store.close()
     with sqlite3.connect(file) as database:
         assert database.execute("SELECT count(*) FROM rows").fetchone() == (0,)
+
+
+def test_an_outbox_whose_schema_is_no_text_is_put_aside(tmp_path: Path) -> None:
+    file = tmp_path / "outbox.sqlite"
+    open_store(file).close()
+    spoil_schema(file)
+    open_store(file).close()
+    assert (tmp_path / "outbox.aside-1.sqlite").exists()
 
 
 def test_an_outbox_that_cannot_be_on_the_disk_works_in_memory(tmp_path: Path) -> None:

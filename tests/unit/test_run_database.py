@@ -21,6 +21,7 @@ from deploy.cli import main
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_schema import SCHEMA_VERSION, Delivery, RunDatabase, RunDatabaseError
 from tests.fuzz.wild import fit
+from tests.unit.damage import spoil_schema
 
 
 def pose(t_s: float) -> PoseEstimate:
@@ -118,6 +119,13 @@ def test_what_is_no_run_database_is_said_in_one_sentence(tmp_path: Path) -> None
         newer.execute(f"PRAGMA user_version = {SCHEMA_VERSION + 1}")
     with pytest.raises(RunDatabaseError, match="newer program"):
         RunReader(tmp_path)
+
+
+def test_a_run_database_whose_schema_is_no_text_is_told_in_one_sentence(tmp_path: Path) -> None:
+    RunDatabase(tmp_path / "run.sqlite", None, 1).close()
+    spoil_schema(tmp_path / "run.sqlite")
+    with pytest.raises(RunDatabaseError, match="malformed database schema"), RunReader(tmp_path) as run:
+        run.dates()
 
 
 EXAMPLES = {topic.key: encode(fit(topic.payload, random.Random(1)), 1, 1) for topic in TOPICS}
