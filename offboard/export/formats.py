@@ -132,20 +132,22 @@ def export(run_dir: Path, to: Path, formats: Sequence[str]) -> list[Path]:
     for name in formats:
         if name not in EXPORTS:
             raise ExportError(f"There is no export format '{name}'; choose from {', '.join(EXPORTS)}")
-    _check(run_dir)
+    there = _checked(run_dir)
     if to.exists() and to.samefile(run_dir):
         raise ExportError(f"{to} is the run's own folder; choose another one with --to")
     to.mkdir(parents=True, exist_ok=True)
-    return [file for name in formats for file in EXPORTS[name].of_run(run_dir, to)]
+    files = [file for name in formats for file in EXPORTS[name].of_run(run_dir, to)]
+    if MAP_POINTS_NAME not in there:
+        _log.warning("%s holds no map yet, only %s.", run_dir, ", ".join(there))
+    return files
 
 
-def _check(run_dir: Path) -> None:
-    """Is there anything to export? A run that has just begun has no map yet, which is no error."""
+def _checked(run_dir: Path) -> list[str]:
+    """What there is to export. A run that has just begun has no map yet, which is no error."""
     lists_them = "`indoor-mapping runs` lists the runs"
     if not run_dir.is_dir():
         raise ExportError(f"There is no run folder at {run_dir}; {lists_them}")
     there = files_of_run(run_dir)
     if not there:
         raise ExportError(f"{run_dir} holds no run that could be exported; {lists_them}")
-    if MAP_POINTS_NAME not in there:
-        _log.warning("%s holds no map yet, only %s.", run_dir, ", ".join(there))
+    return there

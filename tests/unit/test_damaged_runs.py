@@ -183,3 +183,8 @@ def test_a_run_that_has_no_map_yet_is_listed_and_exported_with_what_it_holds(
     assert main(["export", str(run.folder), "--to", str(out), "--format", "csv,tum"]) == 0
     assert [file.name for file in out.iterdir()] == ["trajectory.tum"]
     assert f"{run.folder} holds no map yet, only run.sqlite, trajectory.tum." in caplog.text
+    caplog.clear()
+    (run.folder / "pois.json").write_text("{}")
+    assert main(["export", str(run.folder), "--to", str(out), "--format", "svg"]) == 2
+    assert "pois.json must hold a list" in capsys.readouterr().err
+    assert not caplog.text, "a run that is refused is told of in one sentence"
