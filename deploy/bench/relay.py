@@ -57,7 +57,11 @@ class Relay:
                 if not self._up.is_set():
                     near.close()
                     continue
-                far = socket.create_connection(self._target)
+                try:
+                    far = socket.create_connection(self._target)
+                except OSError:  # nobody listens there yet, or any more
+                    near.close()
+                    continue
                 for end in (near, far):
                     # A link keeps nothing back; whether to wait for more to send is for its ends to say
                     end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
