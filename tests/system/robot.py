@@ -66,6 +66,8 @@ class Robot(Mesh):
         """Until it drives, whatever was before."""
         if "planner" not in self.processes or self.processes["planner"].poll() is not None:
             self.run("planner")
+        if self.center.node.snapshot().report.button_pressed:
+            self.push_button()
 
         def driving() -> bool:
             snapshot = self.center.node.snapshot()

@@ -89,7 +89,9 @@ def test_the_stop_of_the_robots_own_button_outlives_bridge_and_board_and_is_rele
     assert robot.motors.dead_after_s(pushed_s) < STOPPED_WITHIN_S
     until(lambda: robot.permit.stop_sources == ("button",), what="the button in the permit")
     until(lambda: robot.center.node.snapshot().look is Look.LATCHED, what="the button in the command center")
-    assert "held by button; let the button out" in bar_text(robot.center.node.snapshot()).detail
+    # First the bar sends to the red button: until it is reported that the wheels stand
+    remedy = "held by button; let the button out"
+    until(lambda: remedy in bar_text(robot.center.node.snapshot()).detail, what=remedy)
     refused = robot.command("release")
     assert refused.returncode == 1
     assert refused.stderr.strip() == "The button on the robot is pressed: let it out first."
