@@ -61,6 +61,12 @@ def alive_and_valid(bus: Bus, topic: Topic[Any]) -> bool:
     return newest is not None and bool(newest.valid) and alive(bus, topic)
 
 
+def expires_s(bus: Bus, topic: Topic[Any], now_s: float) -> float:
+    """When the newest message stops being `alive` (s, on the clock of `now_s`); infinite when it is not alive now."""
+    remaining_s = ALIVE_PERIODS / topic.rate_hz - bus.age_s(topic)
+    return now_s + remaining_s if remaining_s >= 0.0 else float("inf")
+
+
 @dataclass(slots=True)
 class _Inbox:
     newest: Any = None
@@ -104,6 +110,12 @@ class LocalBus:
         self._unfit = Undecodable(UNFIT)
         self._inboxes: dict[str, _Inbox] = {}
         self._queues: dict[str, deque[Any]] = {}
+        self._wakes_on: frozenset[str] = frozenset()
+        self.woken = False  # a message came of those to wake on
+
+    def wake_on(self, topics: Iterable[Topic[Any]]) -> None:
+        """Their messages set `woken`."""
+        self._wakes_on = frozenset(topic.key for topic in topics)
 
     def publish(self, topic: Topic[P], payload: P) -> None:
         sequence = self._sequences.get(topic.key, 0) + 1
@@ -147,6 +159,7 @@ class LocalBus:
     def _receive(self, topic: Topic[Any], payload: Any) -> None:
         inbox = self._inboxes.setdefault(topic.key, _Inbox())
         inbox.newest, inbox.arrived_s = payload, self._mesh.now_s
+        self.woken = self.woken or topic.key in self._wakes_on
         queue = self._queues.get(topic.key)
         if queue is not None:
             queue.append(payload)

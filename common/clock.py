@@ -18,6 +18,9 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from common.alarm import Alarm
+from common.node import STEP_GAP_S, Agenda
+
 TICK_S = 0.02
 WINDOW_S = 0.04  # simulated: 0.1 s between two statuses and twice this stay below the 0.2 s of the watchdog
 SILENT_S = 1.0  # wall time
@@ -26,6 +29,7 @@ FREE_LEASE_S = 0.4  # what a frozen process costs at most until its links and to
 # The shared clock waits for who is late, so the lease must; who freezes is given up by SILENT_S and falls silent
 SHARED_LEASE_S = 10.0
 _POLL_S = 0.1  # how soon a wait notices that the process shall end, and says again what may have been lost
+_CATCH_UP_S = 0.1  # a follower that is later than this skips steps instead of making them up
 _LOST_PACE_S = 0.1  # wall time behind the pace that is forgotten instead of made up by a rush
 
 _log = logging.getLogger("clock")
@@ -48,8 +52,8 @@ class Clock(Protocol):
     def begin(self, stop: threading.Event) -> float:
         """The time of the first step; waits until there is one."""
 
-    def wait_until(self, t_s: float, stop: threading.Event) -> float:
-        """Waits for `t_s` or for `stop`; returns the time that the step belongs to."""
+    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
+        """Sleeps until the next step is due, or `stop` is set; returns the time that the step belongs to."""
 
 
 class FreeClock:
@@ -69,11 +73,15 @@ class FreeClock:
     def begin(self, stop: threading.Event) -> float:
         return time.monotonic()
 
-    def wait_until(self, t_s: float, stop: threading.Event) -> float:
-        remaining_s = t_s - time.monotonic()
-        if remaining_s > 0:
-            stop.wait(remaining_s)
-        return time.monotonic()
+    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
+        while (now_s := time.monotonic()) < agenda.due_s and not stop.is_set():
+            if not alarm.wait(agenda.due_s - now_s):
+                continue
+            if now_s >= agenda.earliest_s:
+                return time.monotonic()
+            # What comes in the meantime is taken together with what has rung
+            stop.wait(agenda.earliest_s - now_s)
+        return now_s
 
 
 Marks = tuple[tuple[str, ...], tuple[int, ...], tuple[int, ...]]  # topics, boot ids, sequence numbers
@@ -138,7 +146,18 @@ class FollowerClock:
         threading.Thread(target=self._report_busy, args=(stop,), daemon=True).start()
         return self._now_s
 
+    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
+        """Looks at the alarm once per STEP_GAP_S of simulated time."""
+        while not stop.is_set():
+            look_s = min(agenda.due_s, round(max(self._step_s + STEP_GAP_S, agenda.earliest_s), 9))
+            look_s = max(look_s, self._now_s - _CATCH_UP_S)
+            self.wait_until(look_s, stop)
+            if look_s >= agenda.due_s or alarm.wait(0.0):
+                break
+        return self._step_s
+
     def wait_until(self, t_s: float, stop: threading.Event) -> float:
+        """Waits for `t_s` or for `stop`, then for all that was announced before; returns `t_s`."""
         self._working_since_wall_s = None
         if self._now_s < t_s:
             self._idle_until_s = t_s
@@ -222,7 +241,11 @@ class LeaderClock:
     def begin(self, stop: threading.Event) -> float:
         return self._now_s
 
+    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
+        return self.wait_until(agenda.due_s, stop)
+
     def wait_until(self, t_s: float, stop: threading.Event) -> float:
+        """Moves the clock to `t_s` as fast as pace and followers allow, or until `stop`; returns `t_s`."""
         while self._now_s < t_s and not stop.is_set():
             target_s = min(t_s, self._tick_due_s)
             self._keep_pace(target_s, stop)

@@ -21,19 +21,20 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
+from common.alarm import Alarm
 from common.bus import Bus
 from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
 from common.config import Config, load_config
 from common.errors import StartError, sentence
 from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick
-from common.node import Node
+from common.node import Agenda, FileNode, Node
 from common.process_log import BusLogHandler, set_up_log
 from common.zenoh_bus import ZenohBus
 from common.zenoh_log import OF_A_PEER, OF_A_ROUTER, ZenohOutput
 from common.zenoh_session import Mode
 
 _PR_SET_PDEATHSIG = 1
-_CATCH_UP_S = 0.1  # a node that is later than this (and than five periods) skips steps instead of making them up
+_CATCH_UP_S = 0.1  # a node that is later than this, and than five periods, logs it
 _STEPS_KEPT = 50_000  # of the newest steps, for the percentile
 _LOOP_END_S = 2.0
 STEPS_SUFFIX = ".steps.json"
@@ -174,26 +175,25 @@ def _loop(
     steps: StepTimer,
 ) -> None:
     log = logging.getLogger(node.name)
-    due_s = clock.begin(stop)
+    alarm = Alarm(node.fileno) if isinstance(node, FileNode) else Alarm()
+    bus.wake_on(node.wakes_on, alarm.ring)
+    agenda = Agenda(node, clock.begin(stop))
     late = False
     while True:
-        now_s = clock.wait_until(due_s, stop)
+        now_s = clock.wait(agenda, alarm, stop)
         if stop.is_set():
             return
+        alarm.reset()
+        was_late, late = late, now_s - agenda.due_s > max(_CATCH_UP_S, 5 * node.period_s)
+        if late and not was_late:
+            log.warning("late behind_s=%.3f period_s=%.3f", now_s - agenda.due_s, node.period_s)
         began_s = time.perf_counter()
-        node.step(bus, now_s)
+        agenda.stepped(now_s, node.step(bus, now_s))
         steps.add(time.perf_counter() - began_s)
         if zenoh_output is not None:
             zenoh_output.report(now_s)
         if node.name in LOG:
             bus_log.flush_to(bus, node.name, now_s)
-        due_s = round(due_s + node.period_s, 9)
-        behind_s = clock.now_s() - due_s
-        was_late, late = late, behind_s > max(_CATCH_UP_S, 5 * node.period_s)
-        if late:
-            due_s = clock.now_s()
-            if not was_late:
-                log.warning("late behind_s=%.3f period_s=%.3f", behind_s, node.period_s)
 
 
 def _make_clock(arguments: argparse.Namespace, leads: bool) -> Clock:

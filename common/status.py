@@ -31,15 +31,15 @@ class StatusPace:
     """When the next status is due: STATUS_RATE_HZ on the average, however unevenly `due` is called."""
 
     def __init__(self) -> None:
-        self._due_s = float("-inf")
+        self.due_s = float("-inf")  # the next one
 
     def due(self, now_s: float, urgent: bool = False) -> bool:
         """Now? What is urgent is always due."""
-        if not urgent and now_s < self._due_s - _EARLY_S:
+        if not urgent and now_s < self.due_s - _EARLY_S:
             return False
         period_s = 1.0 / STATUS_RATE_HZ
-        on_time = not urgent and now_s - self._due_s < period_s
-        self._due_s = (self._due_s if on_time else now_s) + period_s
+        on_time = not urgent and now_s - self.due_s < period_s
+        self.due_s = (self.due_s if on_time else now_s) + period_s
         return True
 
 
@@ -54,6 +54,11 @@ class StatusReporter:
         self._last: tuple[str, ErrorCode, bool] | None = None  # as published
         self._logged: tuple[str, ErrorCode, bool] | None = None  # as logged
 
+    @property
+    def due_s(self) -> float:
+        """When the next status is due (s): `report` must be called then, whether something has happened or not."""
+        return self._pace.due_s
+
     def report(
         self,
         bus: Bus,
@@ -65,7 +70,10 @@ class StatusReporter:
         detail: str = "",
         memory_kb: int | None = None,
     ) -> None:
-        """To be called in every step; `memory_kb` where it is not this process's own (SIM and Carrier: free SRAM)."""
+        """To be called in every step, and at `due_s` at the latest.
+
+        `memory_kb` where it is not this process's own (SIM and Carrier: free SRAM).
+        """
         self._heartbeat_count += 1
         current = (state, error, ready)
         # Others act on error and readiness; a mere change of state can wait for its turn, or the rate would not hold

@@ -65,6 +65,8 @@ class ZenohBus:
         self._subscribers: list[Any] = []  # subscribers without an inbox
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
+        self._wakes_on: frozenset[str] = frozenset()
+        self._ring: Callable[[], None] = lambda: None
         self.gate = CommandGate(name, config)
         main, commands = main_channel(name, mode, config), command_channel(name, mode, config)
         lease = lease_s(name, clock.lease_s)
@@ -108,6 +110,13 @@ class ZenohBus:
         outbox.publish(payload, partial(self.gate.sign, topic, payload))
         if self.announced is not None and topic.consumers and topic.qos in (QosProfile.LATEST, QosProfile.COMMAND):
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
+
+    def wake_on(self, topics: Iterable[Topic[Any]], ring: Callable[[], None]) -> None:
+        """Zenoh's threads call `ring` for every message of these topics; before any of them is looked at."""
+        self._ring = ring
+        self._wakes_on = frozenset(topic.key for topic in topics)
+        for topic in topics:
+            self._inbox(topic)
 
     def latest(self, topic: Topic[P]) -> P | None:
         return self._looked_at(topic).newest
@@ -196,10 +205,15 @@ class ZenohBus:
         """The topic's inbox; made at its first use."""
         inbox: Inbox[P] | None = self._inboxes.get(topic.key)
         if inbox is None:
-            session, refuses, arrived = self._session_for(topic), self.gate.refuses, self._arrival.set
+            session, refuses = self._session_for(topic), self.gate.refuses
+            arrived = self._arrived_to_wake if topic.key in self._wakes_on else self._arrival.set
             inbox = Inbox(session, self._key(topic), topic, self._clock, self._reader, refuses, arrived)
             self._inboxes[topic.key] = inbox
         return inbox
+
+    def _arrived_to_wake(self) -> None:
+        self._arrival.set()
+        self._ring()
 
     def _looked_at(self, topic: Topic[P]) -> Inbox[P]:
         inbox = self._inbox(topic)

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import hypot
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -67,6 +67,7 @@ class CommandCenter:
 
     name = "command_center"
     period_s = 0.05
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(self, clock: Callable[[], float], findings: Mapping[int, Finding] | None = None) -> None:
         self.stop_desk = StopDesk(clock)

@@ -16,12 +16,13 @@ import secrets
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from common.bus import Bus
 from common.database import disk_full, lost
 from common.disk_worker import DISK_ERRORS, DiskError, DiskWorker
 from common.errors import ErrorCode
-from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, OutboxReceipt
+from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, OutboxReceipt, Topic
 from common.recording import Losses, RecordedMessage, add_loss
 from common.status import StatusReporter
 from common.undecodable import Undecodable
@@ -46,6 +47,7 @@ class Recorder:
 
     name = "recorder"
     period_s = 0.05
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(self, run_dir: Path, date: str | None = None) -> None:
         """`date`: wall time of the start. None for lockstep: no wall time, and the disk's work done in the step."""

@@ -23,6 +23,7 @@ class Visualizer:
 
     name = "visualizer"
     period_s = 0.05  # half of the pose's: a pose waits for 25 ms here, on average
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(self, feed: Feed, server: PageServer) -> None:
         self._feed = feed

@@ -11,12 +11,25 @@ import argparse
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from common.bus import Bus
 from common.config import Config
 from common.constants import HEARTBEAT_PERIOD_S
 from common.errors import ErrorCode
-from common.messages import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP, DriveCommand, Speed
+from common.messages import (
+    CARRIER,
+    DISTANCES,
+    DRIVE,
+    ODOMETRY,
+    PERMIT,
+    RANGES,
+    STATUS,
+    STOP,
+    DriveCommand,
+    Speed,
+    Topic,
+)
 from common.status import StatusPace, StatusReporter
 from onboard.bridge import protocol, translation
 from onboard.bridge.motion_gate import MotionGate
@@ -52,6 +65,7 @@ class Bridge:
 
     name = "bridge"
     period_s = 0.01
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(self, port_factory: Callable[[], Port]) -> None:
         self._link = SerialLink(port_factory, self._forget_board)

@@ -15,5 +15,10 @@ class Pace:
         self._done_s = now_s
         return True
 
+    @property
+    def due_s(self) -> float:
+        """When it is due again (s); in the past where it was never done."""
+        return self._done_s + self._period_s
+
     def reset(self) -> None:
         self._done_s = float("-inf")

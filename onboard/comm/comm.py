@@ -12,14 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from common.bus import Bus
 from common.config import CommSection, Config
 from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode, StartError
 from common.fields import CHALLENGE_BYTES
-from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit
+from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit, Topic
 from common.signing import CHALLENGE_PERIOD_S
 from common.status import StatusReporter
 from onboard.comm import stop_owner
@@ -58,6 +58,7 @@ class Comm:
 
     name = "comm"
     period_s = 0.02
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(
         self,

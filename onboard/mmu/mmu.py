@@ -6,6 +6,7 @@ import argparse
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from common.bus import Bus, alive
 from common.config import Config
@@ -21,6 +22,7 @@ from common.messages import (
     MapUpdate,
     Odometry,
     PoseEstimate,
+    Topic,
     Trajectory,
 )
 from common.status import StatusReporter
@@ -40,6 +42,7 @@ class MappingUnit:
 
     name = "mmu"
     period_s = 0.05
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(
         self,

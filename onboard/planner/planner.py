@@ -6,6 +6,7 @@ import logging
 import math
 from collections import deque
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from common.messages import (
     PoiRequest,
     PoseEstimate,
     Speed,
+    Topic,
 )
 from common.status import StatusReporter
 from common.undecodable import Undecodable
@@ -65,6 +67,7 @@ class Planner:
 
     name = "planner"
     period_s = 1.0 / PLANNER_RATE_HZ
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(self, images_walls: bool = False, boot: int = 0) -> None:
         """`images_walls`: there is a camera, and every wall shall have been on its right. `boot`, of BOOT_BITS: another

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, radians
+from typing import Any
 
 from common.bus import Bus
 from common.config import PoiSection
 from common.errors import ErrorCode
 from common.geometry import Pose2
-from common.messages import PERMIT, POI, RETAKE, PointOfInterest, PoiRequest
+from common.messages import PERMIT, POI, RETAKE, PointOfInterest, PoiRequest, Topic
 from common.status import StatusReporter
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import FULL_SIZE_PX
@@ -60,6 +61,7 @@ class Poi:
 
     name = "poi"
     period_s = 0.05
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(self, section: PoiSection, source: FrameSource, worker: ReadingWorker) -> None:
         boxes = tuple(ColourBox.parse(text) for text in section.door_colours)

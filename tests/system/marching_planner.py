@@ -21,6 +21,7 @@ COMMANDS = 26
 class MarchingPlanner:
     name = "planner"
     period_s = 0.05
+    wakes_on = ()
 
     def __init__(self, last: Speed, boot: int) -> None:
         self._last, self._boot = last, boot

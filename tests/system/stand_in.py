@@ -43,6 +43,7 @@ MAP_POINTS = 12_000  # 108 kB
 
 class StandIn:
     period_s = 0.02
+    wakes_on = ()
 
     def __init__(self, name: str) -> None:
         self.name = name

@@ -27,6 +27,7 @@ CORRECTED_EVERY = 20  # wall points
 
 class Talker:
     period_s = 0.1
+    wakes_on = ()
 
     def __init__(self, name: str, folder: Path) -> None:
         self.name = name

@@ -139,7 +139,7 @@ def test_an_unexpected_error_ends_the_process_with_code_1_and_stands_in_its_log(
         "import sys\n"
         "from common.process import run\n"
         "class Broken:\n"
-        "    name, period_s = 'mmu', 0.01\n"
+        "    name, period_s, wakes_on = 'mmu', 0.01, ()\n"
         "    def step(self, bus, now_s):\n"
         "        bus.take(__import__('common.messages').messages.POSE)\n"
         "        raise RuntimeError('quite unexpected')\n"

@@ -47,6 +47,11 @@ class SerialLine:
         """Bytes that the host sends to the board."""
         self._to_board.put(data)
 
+    @property
+    def readable(self) -> bool:
+        """Something has reached the host."""
+        return bool(self._arrived)
+
     def receive(self) -> bytes:
         """Every byte that has reached the host."""
         data = bytes(self._arrived)
@@ -100,6 +105,10 @@ class HostPort:
 
     def __init__(self, line: SerialLine) -> None:
         self._line = line
+
+    @property
+    def readable(self) -> bool:
+        return self._line.readable
 
     def read(self) -> bytes:
         return self._line.receive()

@@ -9,19 +9,19 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
-from common.bus import Bus, LocalMesh
+from common.bus import LocalBus, LocalMesh
 from common.config import Config, with_camera
 from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView
-from common.node import Node
+from common.node import Agenda, FileNode, Node
 from offboard.evaluate.run_text import HEADLINE, figures, progress
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.recorder.recorder import Recorder
 from offboard.simulator.camera.camera_frames import CameraFrames
 from offboard.simulator.electronics.avr_board import AvrBoard
 from offboard.simulator.electronics.board import Board, FirmwareBuildError, HostBoard
+from offboard.simulator.electronics.serial_line import HostPort
 from offboard.simulator.physics.world import STEP_S
 from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.simulator.run.route import RouteDriver
@@ -41,22 +41,29 @@ PROGRESS_S = 5.0  # of wall time
 _ROUNDING_S = 1e-9
 
 
-@dataclass(slots=True)
 class _Slot:
     """A node on the mesh, when it is due and how long its steps took."""
 
-    node: Node
-    bus: Bus
-    due_s: float = 0.0
-    durations_s: list[float] = field(default_factory=list)
+    def __init__(self, node: Node, bus: LocalBus, port: HostPort) -> None:
+        self.node = node
+        self.frozen = False
+        self.durations_s: list[float] = []
+        self._bus, self._agenda = bus, Agenda(node, 0.0)
+        self._port = port if isinstance(node, FileNode) else None
+        bus.wake_on(node.wakes_on)
 
     def run(self, now_s: float) -> None:
-        if now_s < self.due_s - _ROUNDING_S:
+        if now_s < self._agenda.due_s - _ROUNDING_S:
+            woken = self._bus.woken or (self._port is not None and self._port.readable)
+            if not woken or now_s < self._agenda.earliest_s - _ROUNDING_S:
+                return
+        if self.frozen:
             return
-        self.due_s += self.node.period_s
+        self._bus.woken = False
         began = time.perf_counter()
-        self.node.step(self.bus, now_s)
+        due_s = self.node.step(self._bus, now_s)
         self.durations_s.append(time.perf_counter() - began)
+        self._agenda.stepped(now_s, due_s)
 
 
 class Lockstep:
@@ -69,7 +76,7 @@ class Lockstep:
         self.simulation, self._beside = simulation, beside
         self.mesh = LocalMesh(seed)
         self.operator = self.mesh.endpoint("command_center")
-        self.slots = [_Slot(node, self.mesh.endpoint(node.name)) for node in nodes]
+        self.slots = [_Slot(node, self.mesh.endpoint(node.name), simulation.port) for node in nodes]
         self.world_s = 0.0  # wall time spent in the world
 
     @property

@@ -16,10 +16,12 @@ import signal
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from common.bus import Bus
 from common.config import Config
 from common.errors import StartError
+from common.messages import Topic
 from common.process import argument_parser
 from offboard.runs.run_folder import TRUTH_NAME, LineFile, tum_line
 from offboard.simulator.camera.frame_server import FrameServer
@@ -57,6 +59,7 @@ class SimulatorNode:
 
     name = "simulator"
     period_s = 0.01
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(
         self,

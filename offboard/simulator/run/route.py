@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,6 +32,7 @@ from common.messages import (
     Outcome,
     PlannerView,
     Speed,
+    Topic,
 )
 from common.status import StatusReporter
 from offboard.simulator.building.floor import Floor
@@ -124,6 +126,7 @@ class RouteDriver:
 
     name = "planner"
     period_s = 1.0 / POSE_RATE_HZ
+    wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(self, floor: Floor, true_pose: Callable[[], Pose2]) -> None:
         self._true_pose = true_pose
