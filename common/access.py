@@ -1,10 +1,10 @@
 """Who may publish, subscribe and query what over a link that leaves a board, and how much, as rules for Zenoh. Pure.
 
 A role is the common name of a certificate. Only the role of the command center publishes commands; the modules of the
-laptop publish their own topics; the people's side receives every topic. A reply may be long, so only a role that must
-know what was published before may query it: a viewer receives what comes from then on. Zenoh judges the link, not the
-first sender: what a client of the laptop publishes counts as the laptop's. On loopback the modules of one
-board trust each other.
+laptop publish their own topics; the roles of people (laptop, command center, viewer) receive every topic. A reply may
+be long, so only a role that must know earlier messages may query them: a viewer receives only new ones. Zenoh checks
+the link, not the first sender: what a client of the laptop publishes counts as the laptop's. On loopback the modules of
+one board trust each other.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from common.messages import LAPTOP_RECORDED, TOPICS, QosProfile, Topic
 from common.modules import Board, on
 from common.recording import MESSAGE_BYTES_MAX, QUERY_BYTES_MAX
 
-# Common name of a certificate -> the modules that speak with it
+# Common name of a certificate -> the modules that connect with it
 ROLES: dict[str, tuple[str, ...]] = {
     "robot": on(Board.MEGA, Board.BEAGLEBONE),
     "pi": on(Board.RASPBERRY),
@@ -49,7 +49,7 @@ def role_of(module: str) -> str:
 
 
 def may_command(role: str) -> bool:
-    """Whether links of that role may carry commands to the robot, or from it to who obeys them."""
+    """Whether links of that role may carry commands to the robot, or from it to the modules that execute them."""
     return role in (_COMMANDER, "robot")
 
 
@@ -142,7 +142,7 @@ def _access_control(rules: list[Rules], subjects: list[Rules], policies: list[Ru
 
 
 def _limits(robot: str) -> Rules:
-    """What of all that is allowed comes through from outside: a flood, or a giant, ends at the router."""
+    """Limits on rate and size of what is allowed from outside: the router drops a flood or an oversized message."""
     inwards = {"flows": ["ingress"], "link_protocols": ["tls"]}
     queried = dict.fromkeys(key for role in ROLES for key in queried_keys(role))
     queries = [{"key_expr": f"{robot}/{key}", "freq": QUERIES_HZ} for key in queried]

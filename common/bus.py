@@ -1,6 +1,7 @@
-"""The bus a process sees: publish to a topic, look at the newest, take everything new, judge age and validity.
+"""The bus as a node uses it: publish to a topic, read the newest message, take all new ones, check age and validity.
 
-`LocalBus` joins nodes inside one program (`simulate`, tests); `ZenohBus` joins processes. A node cannot tell which.
+`LocalBus` joins nodes inside one program (`simulate`, tests); `ZenohBus` joins processes. A node cannot distinguish
+them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class Bus(Protocol):
     """What a node can do with the mesh. Ages are judged by arrival, on the clock of the receiver."""
 
     def publish(self, topic: Topic[P], payload: P) -> None:
-        """What its type forbids is not sent but counted, and reported in the log of this process: `UNFIT`."""
+        """A payload that violates its type is not sent, but counted and reported in this process's log: `UNFIT`."""
 
     def latest(self, topic: Topic[P]) -> P | None:
         """The newest message of a topic, or None when none came yet."""
@@ -47,7 +48,7 @@ class Bus(Protocol):
         """Every message of the recorded topics since the last call, in order and once per topic and boot id."""
 
     def take_lost(self) -> Losses:
-        """Which of them could not be had since the last call."""
+        """Which recorded messages were lost for good since the last call."""
 
 
 def alive(bus: Bus, topic: Topic[Any]) -> bool:
@@ -56,7 +57,7 @@ def alive(bus: Bus, topic: Topic[Any]) -> bool:
 
 
 def alive_and_valid(bus: Bus, topic: Topic[Any]) -> bool:
-    """Fresh, and its sender stands behind it: what an output may rest on."""
+    """Fresh, and marked valid by its sender: an output may rest on it."""
     newest = bus.latest(topic)
     return newest is not None and bool(newest.valid) and alive(bus, topic)
 

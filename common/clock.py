@@ -2,12 +2,13 @@
 
 Under `local --speed N` the simulator leads: it publishes `CLOCK` every TICK_S of simulated time and goes on while no
 follower is more than WINDOW_S behind. A follower answers `CLOCK_ACK` once per round of its own steps, with the time
-before which it has nothing to do; while a step takes long it says now and then that it is still at it. One that owes
-its answer for SILENT_S of wall time is no longer waited for, until it speaks again: a dead or frozen process cannot
-stop the clock. The message passing itself is the bus's.
+before which it has nothing to do; during a long step it repeats now and then that it is still busy. A follower
+that sends nothing for SILENT_S of wall time is no longer waited for, until it sends again: a dead or frozen process
+cannot stop the clock. The message passing itself is the bus's.
 
-Messages must not be later than the clock either, or a busy machine makes sound modules look silent. So every answer
-announces what its sender has published, every tick hands that on, and a follower begins no step before it has it.
+Messages must not be later than the clock either, or on a busy machine sound modules appear silent. So every CLOCK_ACK
+announces what its sender has published, every tick passes that on, and a follower begins no step before it has received
+those messages.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ BUSY_MAX_S = 20.0  # wall time; a step that takes longer is taken for one that n
 FREE_LEASE_S = 0.4  # what a frozen process costs at most until its links and tokens are given up
 # The shared clock waits for who is late, so the lease must; who freezes is given up by SILENT_S and falls silent
 SHARED_LEASE_S = 10.0
-_POLL_S = 0.1  # how soon a wait notices that the process shall end, and says again what may have been lost
+_POLL_S = 0.1  # how soon a wait notices that the process shall end, and repeats a message that may have been lost
 _CATCH_UP_S = 0.1  # a follower that is later than this skips steps instead of making them up
 _LOST_PACE_S = 0.1  # wall time behind the pace that is forgotten instead of made up by a rush
 
@@ -119,7 +120,7 @@ class FollowerClock:
         self._now_s = 0.0
         self._step_s = 0.0
         self._changed = threading.Condition()
-        self._idle_until_s: float | None = None  # the last answer
+        self._idle_until_s: float | None = None  # as of the last CLOCK_ACK
         self._working_since_wall_s: float | None = None
         self.send_ack: Send = lambda t_s: None
         self.await_messages: Callable[[threading.Event], None] = lambda stop: None
@@ -137,11 +138,11 @@ class FollowerClock:
         return self._step_s
 
     def arrival_s(self, received_s: float) -> float:
-        """The tick may be later than the message, which is no fault of its sender."""
+        """Not before the running step: the clock may have gone on while the message waited for it."""
         return max(received_s, self._step_s)
 
     def begin(self, stop: threading.Event) -> float:
-        """Who joins late begins with the present, and is waited for from its first answer on."""
+        """A late follower begins at the present time, and the clock waits for it from its first CLOCK_ACK on."""
         self._wait_for(TICK_S, stop)
         threading.Thread(target=self._report_busy, args=(stop,), daemon=True).start()
         return self._now_s
@@ -168,7 +169,7 @@ class FollowerClock:
         return t_s
 
     def _report_busy(self, stop: threading.Event) -> None:
-        """A thread of its own: it freezes and dies with the process, but not in a long step."""
+        """On a thread of its own, so that it also reports during a long step; it ends or freezes with the process."""
         while not stop.wait(SILENT_S / 4):
             since_s, idle_until_s = self._working_since_wall_s, self._idle_until_s
             if since_s is not None and idle_until_s is not None and time.monotonic() - since_s < BUSY_MAX_S:
@@ -196,7 +197,7 @@ class FollowerTable:
         self.silent.discard(module)
 
     def holds(self, t_s: float, wall_s: float) -> bool:
-        """Some follower that still speaks would fall more than WINDOW_S behind if the clock went to `t_s`."""
+        """Some follower that is not silent would fall more than WINDOW_S behind if the clock went to `t_s`."""
         held = False
         for module, idle_until_s in self._idle_until_s.items():
             if t_s <= idle_until_s + WINDOW_S:

@@ -38,7 +38,7 @@ P = TypeVar("P")
 
 
 class DecodeError(ValueError):
-    """These bytes are not a message of that type: one sentence says why."""
+    """These bytes are not a message of that type; the message is one sentence with the reason."""
 
 
 class Envelope(NamedTuple, Generic[P]):
@@ -133,7 +133,7 @@ def _check_source(name: str, field: Field) -> str:
 
 
 def encode(payload: Any, sequence: int, boot_id: int) -> bytes:
-    """Bytes of a payload dataclass; raises UnfitValue where a field holds what nobody would take."""
+    """Bytes of a payload dataclass; raises UnfitValue where a field violates its type or bounds."""
     body = _FORMS[type(payload)].body_of(payload)
     packed: bytes = msgpack.packb((CODEC_VERSION, sequence, boot_id, body), default=_pack_special)
     return packed
@@ -148,7 +148,7 @@ def decode(data: bytes, payload: type[P]) -> Envelope[P]:
     try:
         version, sequence, boot_id, body = _unpack(data, _unpack_special)
         if version != CODEC_VERSION:
-            raise DecodeError(f"message of codec version {reprlib.repr(version)}, this program speaks {CODEC_VERSION}")
+            raise DecodeError(f"message of codec version {reprlib.repr(version)}, this program uses {CODEC_VERSION}")
         if not _is_stamp(sequence, boot_id):
             raise DecodeError("no sequence number and boot id")
         return Envelope(_FORMS[payload].of_body(body), sequence, boot_id)

@@ -1,4 +1,4 @@
-"""What a process's bus does about commands where there are keys: signs what it gives and verifies what it obeys.
+"""Commands on a process's bus, where the mesh has keys: signs those that it publishes, verifies those that it receives.
 
 Without keys everything passes. What is refused is counted and logged, the same once a second.
 """

@@ -107,7 +107,7 @@ class CommSection:
     required: Annotated[tuple[str, ...], Names(tuple(STATUS), "the modules")] = ("bridge", "mmu", "planner")
     """On-robot modules without which nothing moves; with a camera also "poi"."""
     stop_when_offboard_missing: bool = False
-    """Does the robot stand while recorder, visualizer or command center is missing?"""
+    """Does the robot stand while the recorder on the laptop is missing?"""
     outbox_limit_mb: Annotated[int, Between(1, 1_000_000)] = 512
     """Size of what waits for the recorder on the robot's disk; above it status and log thin out."""
 
@@ -214,7 +214,7 @@ def _check(config: Config, file: str) -> None:
 
 
 def parse_config(text: str, file: str = "robot.toml") -> Config:
-    """The configuration in `text`; raises ConfigError, `file` being the name it speaks of."""
+    """The configuration in `text`; raises ConfigError, which names `file`."""
     try:
         tables = tomllib.loads(text)
     except (ValueError, RecursionError) as error:

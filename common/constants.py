@@ -20,7 +20,7 @@ SPEED_ERROR_M_S = 0.01  # k_speed_error
 ANGLE_ERROR_RAD = radians(1.0)  # k_angle_error
 TURN_ON_SPOT_RAD = radians(15.0)  # larger changes of heading are made standing, and end with Completed
 
-# Distances, from the footprint unless said otherwise
+# Distances, from the footprint unless stated otherwise
 SAFE_DISTANCE_M = 0.05  # k_safe_distance: nearer than this the Carrier backs off
 PLANNER_CLEARANCE_M = 0.12  # what the Planner keeps
 MIN_DISTANCE_TO_WALL_M = 1.00  # k_min_dist_to_wall

@@ -1,7 +1,7 @@
-"""What outbox and run database share: a SQLite file that is written whole or not at all, and put aside when it is lost.
+"""What outbox and run database share: a SQLite file with whole transactions, which is put aside when it is lost.
 
-A file is lost when it is damaged, or when its name no longer leads to it: then SQLite goes on writing into what nobody
-will find again.
+A file is lost when it is damaged, or when it was deleted or replaced: then SQLite would go on writing into a file that
+has no name any more.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SIDES = ("", "-wal", "-shm")  # the database itself, and what stands beside it 
 class Connection(sqlite3.Connection):
     """For `sqlite3.connect(..., factory=Connection)`: whatever is damaged raises sqlite3.Error.
 
-    Where the damage stands in the text of the schema, SQLite quotes it, and Python cannot decode what it says.
+    Where the text of the schema is damaged, SQLite quotes it in its message, and Python cannot decode that.
     """
 
     def execute(self, *query: Any) -> sqlite3.Cursor:

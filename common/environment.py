@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-# One thread per library, since few cores are shared by all; and what was needed for a moment goes back to the system:
-# the C library's own threshold would grow with the largest of it, and its arenas with the number of threads
+# One thread per library, since all processes share few cores; and freed memory goes back to the system: by default the
+# C library's threshold grows with the largest block, and the number of arenas with the number of threads
 PROCESS_ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",

@@ -15,7 +15,7 @@ SENTENCE_MAX = 1000  # characters: names of files may be long
 
 
 class StartError(Exception):
-    """A program cannot begin as asked; the message is the one sentence a person needs. It ends with exit code 2."""
+    """A program cannot start as requested; the message is the one sentence that a person needs. Exit code 2."""
 
 
 def sentence(error: Exception) -> str:
@@ -90,7 +90,7 @@ ERRORS: dict[ErrorCode, ErrorInfo] = {
     ErrorCode.STOP_LATCHED: ErrorInfo("a stop is latched", "release it in the command center when the way is clear"),
     ErrorCode.LOOP_LOCKUP: ErrorInfo("the firmware's loop stood still", "report it; the board has restarted"),
     ErrorCode.SERIAL_LOST: ErrorInfo("the serial line to the Mega is silent", "check the USB cable"),
-    ErrorCode.PROTOCOL_MISMATCH: ErrorInfo("the Mega speaks another protocol version", "flash the matching firmware"),
+    ErrorCode.PROTOCOL_MISMATCH: ErrorInfo("the Mega uses another protocol version", "flash the matching firmware"),
     ErrorCode.LINE_NOISE: ErrorInfo("many damaged lines on the serial line", "check the USB cable"),
     ErrorCode.NO_PERMIT: ErrorInfo("the Communication Module gives no permit to move", "see its own error"),
     ErrorCode.NO_ODOMETRY: ErrorInfo("no odometry arrives", "see the bridge and SIM"),
@@ -107,7 +107,7 @@ ERRORS: dict[ErrorCode, ErrorInfo] = {
     ErrorCode.DISK_FULL: ErrorInfo("the laptop's disk takes nothing more", "free space; the recorder keeps trying"),
     ErrorCode.DISK_REFUSES: ErrorInfo("the run cannot be written", "see why in the log; the recorder keeps trying"),
     ErrorCode.DATABASE_LOST: ErrorInfo("the run goes on in a new database", "see in the log where the old one is"),
-    ErrorCode.SECOND_RECORDER: ErrorInfo("another recorder takes what the robot says", "end one of the two"),
+    ErrorCode.SECOND_RECORDER: ErrorInfo("another recorder receives the robot's messages", "end one of the two"),
     ErrorCode.INTERNAL: ErrorInfo("an unexpected error; the process restarts", "report the log file"),
     ErrorCode.LATE: ErrorInfo("the process cannot keep its rate", "see what else runs on this machine"),
 }

@@ -19,13 +19,13 @@ from common.fields import Formerly, Shape, UpTo, Within
 from common.plain_text import plain
 
 Take = Callable[[Any], Any]  # a value -> the value to go on with; raises UnfitValue
-Notes = dict[type, Any]  # what an annotation says beside the type, by its class
+Notes = dict[type, Any]  # what an annotation holds beside the type, by its class
 
 _KINDS: dict[type, Any] = {bool: (bool, np.bool_), int: Integral, float: Real}
 
 
 class UnfitValue(ValueError):
-    """A field must not hold that value: one sentence says which."""
+    """A field must not hold that value; the message is one sentence that names both."""
 
 
 class Field(NamedTuple):
@@ -42,7 +42,7 @@ class Field(NamedTuple):
 
 
 def field_of(name: str, hint: Any) -> Field:
-    """Of its name and an annotation as the message table has them; raises TypeError for one that says too little."""
+    """Of its name and an annotation as the message table has them; raises TypeError for one without bounds."""
     notes: Notes = {}
     if get_origin(hint) is Annotated:
         hint, *annotations = get_args(hint)

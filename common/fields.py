@@ -1,8 +1,7 @@
 """The types that the message table is written in: what a field may hold, and within which bounds.
 
-The bounds are physical and generous. What lies beyond them is no measurement but damage or malice, and no node's step
-ever sees it: the codec refuses such a message (text alone is cut and cleaned, `plain_text`). Publishing is held to the
-same bounds.
+The bounds are physical and generous. A value beyond them cannot be a measurement, and no node receives it: the codec
+refuses such a message (text alone is cut and cleaned, `plain_text`), when it is published and when it arrives.
 """
 
 from __future__ import annotations
@@ -87,7 +86,7 @@ Poses = Annotated[npt.NDArray[np.float64], Shape(("K", 3)), _KEY_FRAMES, COORDIN
 
 GRID_CELLS_MAX = 3_000_000  # 170 m by 170 m of 0.1 m
 GridSide = Annotated[int, Within(1, 20_000)]  # cells
-CellSize = Annotated[float, Within(0.05, 10.0)]  # metres; finer than twice a sonar's step tells nothing more
+CellSize = Annotated[float, Within(0.05, 10.0)]  # metres; finer than twice a sonar's step adds no information
 GridBytes = Annotated[bytes, UpTo(2_000_000)]
 
 PoiId = Annotated[int, Within(0, 5_000)]  # counted from 1

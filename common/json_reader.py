@@ -1,4 +1,4 @@
-"""Reads values out of a JSON document and complains, in one sentence, about what is not as it must be.
+"""Reads values out of a JSON document, and raises an error of one sentence for a value that is not valid.
 
 Serves what people write by hand (floors, events, the pose of a photo) and what a run folder holds.
 """

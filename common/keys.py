@@ -1,6 +1,6 @@
-"""The files by which machines know each other: `[mesh] keys` holds a folder per role, which `deploy keys` makes.
+"""The keys and certificates of the machines: `[mesh] keys` holds a folder per role, which `deploy keys` makes.
 
-Whether they can serve is found out by a handshake of the certificate with itself, in memory.
+They are checked by a TLS handshake of the certificate with itself, in memory.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def read_command_key(keys: Path, role: str) -> bytes:
 
 
 def _folder(keys: Path, role: str) -> Path:
-    return Path(os.path.expanduser(keys)) / role  # a ~ of nobody stays as it is, and is not found
+    return Path(os.path.expanduser(keys)) / role  # a ~ of an unknown user stays as it is, and is not found
 
 
 def _read(file: Path, make: str) -> bytes:
@@ -69,7 +69,7 @@ def _problem(folder: Path, make: str) -> str:
     client.check_hostname = False
     to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
     try:
-        # An empty password: a locked key must not ask for one on the terminal
+        # An empty password: OpenSSL must not prompt for the password of a locked key on the terminal
         server.load_cert_chain(certificate, folder / PRIVATE_KEY, password="")
         client.load_verify_locations(folder / AUTHORITY)
         caller = client.wrap_bio(to_client, to_server)

@@ -1,4 +1,4 @@
-"""Memory that was needed for a moment goes back to the system, whatever still lies above it on the heap."""
+"""Returns freed memory to the system, also where blocks in use lie above it on the heap."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ _trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of the GNU C library
 
 
 def give_back() -> None:
-    """Takes some milliseconds: not for a thread that keeps a rhythm."""
+    """Takes some milliseconds: not for a thread with a fixed period."""
     if _trim is not None:
         _trim(0)

@@ -2,9 +2,9 @@
 
 Key on the bus: `<robot>/<module>/<variable>`. Every payload has `t_s`, when its content was measured on the sender's
 clock; every output has `valid`, false when an input it rests on was not alive and valid. Sequence number and boot id
-travel in the envelope (`codec.Envelope`), stamped by the bus. The codec holds every field to the bounds that its type
-says (`fields`). Add fields with a default, never reuse one, and
-rename one only with its former name (`Formerly`): old recordings must load.
+travel in the envelope (`codec.Envelope`), stamped by the bus. The codec holds every field to the bounds of its type
+(`fields`). Add fields with a default, never reuse one, and rename one only with its former name (`Formerly`): old
+recordings must load.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True)
 class MapUpdate:
-    """Wall points. `start` 0 begins the map anew (the past was corrected); else the points go on where `start` says."""
+    """Wall points. `start` 0 begins the map anew (the past was corrected); else the points go on at index `start`."""
 
     t_s: Seconds
     revision: Count
@@ -247,7 +247,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PlannerView:
-    """What the Planner is about, for people: mode, where it drives, what is still on the list."""
+    """The Planner's state, for people: mode, planned path, length of the list of side halls."""
 
     t_s: Seconds
     mode: Word
@@ -338,14 +338,14 @@ class Operation(Enum):
 
 @dataclass(frozen=True, slots=True)
 class OperatorCommand:
-    """What a person asks of the mission."""
+    """An operator's command to the mission."""
 
     t_s: Seconds
     operation: Operation
     x_m: Metres = 0.0
     y_m: Metres = 0.0
     valid: bool = True
-    command_id: CommandId = 0  # repeated with the same one until PlannerView acknowledges it; 0 = wants no answer
+    command_id: CommandId = 0  # repeated with the same one until PlannerView acknowledges it; 0 = not acknowledged
     epoch: Epoch = 0  # of a resume: the stop epoch after which the robot may go on
 
 
@@ -387,7 +387,7 @@ class ClockTick:
 class ClockAck:
     """A process has nothing to do before `t_s` of simulated time: the clock may go there, and a little further.
 
-    With it, what the process published since its last answer.
+    With it, what the process published since its last ClockAck.
     """
 
     t_s: Seconds
@@ -412,7 +412,7 @@ class OutboxPiece:
     total_bytes: RowsBytes
     data: Piece
     valid: bool = True
-    recorder_id: Identity = 0  # whom it is for; 0: whoever answers first
+    recorder_id: Identity = 0  # the recorder that it is for; 0: the first that replies
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ STEP_GAP_S = 0.01
 
 
 class Node(Protocol):
-    """Never asks the time, never sees where its bus ends."""
+    """Reads no clock: the time is an argument of `step`. The kind of bus is hidden behind `Bus`."""
 
     name: str
     period_s: float  # the longest time between two steps

@@ -1,4 +1,4 @@
-"""Text from outside, made fit for people's eyes: it must not steer a terminal, break a line or fill a screen. Pure."""
+"""Text from outside, made safe to show: it must not control a terminal, break a line or fill a screen. Pure."""
 
 from __future__ import annotations
 

@@ -40,8 +40,8 @@ _LOOP_END_S = 2.0
 STEPS_SUFFIX = ".steps.json"
 
 Factory = Callable[[Config, argparse.Namespace], Node]
-# What has the main thread while the node's loop runs beside it (a terminal UI); returns the exit code. It must return
-# soon after the event is set: somebody wants the process to end, or the node's loop has failed.
+# Runs on the main thread while the node's loop runs on another one (a terminal UI); returns the exit code. It must
+# return soon after the event is set: then the process shall end, or the node's loop has failed.
 Foreground = Callable[[Node, Bus, threading.Event], int]
 
 
@@ -102,7 +102,7 @@ def run(
     code, clean = 0, True
     steps = StepTimer()
     try:
-        # A foreground has the terminal: not a line beside it
+        # A foreground owns the terminal: no log line may appear there
         bus_log = set_up_log(name, arguments.log_dir, to_terminal=foreground is None)
         zenoh_output: ZenohOutput | None = None
         if foreground is None:

@@ -1,6 +1,6 @@
 """A process's log: everything from INFO on into its file and onto the bus, and no node ever waits for the disk.
 
-A card or a disk may take seconds for a write; a loop that waited for it would stand the robot still.
+A card or a disk may take seconds for a write; a loop that waited for it would stop the robot.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ Losses = dict[tuple[str, int], tuple[int, int]]  # topic key and boot id -> from
 
 @dataclass(frozen=True, slots=True)
 class RecordedMessage:
-    """One message as it travelled, with what its envelope says."""
+    """One message as it travelled, with the data of its envelope."""
 
     key: str
     boot_id: int
@@ -88,7 +88,7 @@ class _Gap:
 
 
 class MessageOrder:
-    """Messages as they come -> each once and in order per topic and boot id. Pure; wall time is given."""
+    """Messages in any order -> each once and in order per topic and boot id. Pure; wall time is given."""
 
     def __init__(self, known: Mapping[tuple[str, int], int]) -> None:
         self.known: Known = dict(known)

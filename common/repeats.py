@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import OrderedDict
 
 _PERIOD_S = 1.0
-_KEPT = 256  # different complaints; whoever makes ever new ones must not fill the memory
+_KEPT = 256  # different warnings; a sender of ever new ones must not fill the memory
 
 
 class Repeats:
-    """Counts complaints. What did not come for long begins anew."""
+    """Counts each warning by its text. One that did not come for a while counts from the beginning."""
 
     def __init__(self) -> None:
         self._seen: OrderedDict[str, tuple[float, int]] = OrderedDict()  # when reported last, how often it came

@@ -1,6 +1,6 @@
 """What a value of `robot.toml` must be besides its type: annotations of the fields in `config`.
 
-A rule answers with the end of a sentence that begins with the key ("must be between 0 and 1"), or with nothing.
+A rule returns the end of a sentence that begins with the key ("must be between 0 and 1"), or an empty text.
 """
 
 from __future__ import annotations

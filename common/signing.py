@@ -1,6 +1,6 @@
 """Signed commands: what a person orders counts once, soon, and only from who holds the command key. Pure.
 
-comm says in its permit what to sign over, the challenge, and renews it every CHALLENGE_PERIOD_S. The command center
+comm publishes a challenge in its permit and renews it every CHALLENGE_PERIOD_S. The command center
 signs the bytes of a command with HMAC-SHA256 over the topic's key, the challenge and the message, in which boot id and
 sequence number stand. A receiver accepts a signature over the newest challenge or the one before it, if it received the
 change to that challenge: a process that was just started does not know which commands were signed over the first one.
@@ -76,7 +76,7 @@ class Verifier:
             return "its signature is wrong"
         taken = self._taken.get(challenge)
         if taken is None:
-            return "it was signed too long ago, or before this process had heard what to sign over"
+            return "it was signed too long ago, or before this process received the challenge"
         if sequence <= taken.get((key, boot_id), 0):
             return "it was obeyed already, and is sent again"
         taken[key, boot_id] = sequence

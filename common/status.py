@@ -20,7 +20,7 @@ _EARLY_S = 0.005
 
 
 def resident_memory_kb() -> int:
-    """Memory that this process holds now; 0 where the system does not say."""
+    """Resident memory of this process now; 0 where the system does not report it."""
     try:
         return int(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
     except OSError:
@@ -34,7 +34,7 @@ class StatusPace:
         self.due_s = float("-inf")  # the next one
 
     def due(self, now_s: float, urgent: bool = False) -> bool:
-        """Now? What is urgent is always due."""
+        """Whether to publish now; an urgent status is always due."""
         if not urgent and now_s < self.due_s - _EARLY_S:
             return False
         period_s = 1.0 / STATUS_RATE_HZ

@@ -1,4 +1,4 @@
-"""Reading a text that people or programs have left on a disk, whatever stands there instead."""
+"""Reading a text file, with one sentence as the error for anything that is none."""
 
 from __future__ import annotations
 

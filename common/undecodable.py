@@ -16,6 +16,6 @@ class Undecodable:
 
     def count(self, key: str, problem: str) -> None:
         count = self.counts[key] = self.counts.get(key, 0) + 1
-        # Not each: of a sender of another version nothing else would come, and a flood must not fill the log
+        # Not every one: a sender of another version would fill the log
         if count & (count - 1) == 0:
             _log.warning("%s topic=%s error=%s count=%d", self._complaint, key, problem, count)

@@ -2,8 +2,8 @@
 
 A node's thread calls `publish`, `latest`, `take`, `age_s`; what is behind them stands in zenoh_outbox.py and
 zenoh_inbox.py. Commands have a session, hence a TCP connection, of their own: priorities cannot overtake bytes that
-already sit in a TCP buffer. Where there are keys they are signed and judged here (command_gate.py), so that no node
-knows of it.
+already sit in a TCP buffer. Where there are keys, commands are signed and verified here (command_gate.py); nodes
+are not involved.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class ZenohBus:
         return close_sessions((self._command_session, self._session))
 
     def alive_tokens(self) -> frozenset[str]:
-        """The modules whose Zenoh runtime lives; that says nothing yet about their own loop."""
+        """The modules whose Zenoh runtime lives; whether their own loop runs is not known by that."""
         return frozenset(self._tokens.copy())
 
     def published(self) -> dict[tuple[str, int], int]:

@@ -1,7 +1,7 @@
-"""Zenoh's own log -> the process's log, and with it the command center: nobody else knows what it refuses.
+"""Zenoh's own log -> the process's log, and with it the command center: only Zenoh knows what its access rules refuse.
 
 Zenoh writes to standard output alone; that leads into a file in memory, which never keeps it waiting and is read in the
-node's loop. What the access rules refuse stands among all that they judge; the rest is left out again.
+node's loop. The log lists every decision of the access rules; only the refusals are passed on.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ OF_A_PEER = f"error,zenoh_link_tls=warn,{_RULES}=info"
 # And every message that the rules refuse
 OF_A_ROUTER = f"error,zenoh_link_tls=warn,{_RULES}=trace"
 
-_READ_BYTES = 16_384  # at a time, ten times what a router says of ordinary messages: a flood must not stop the loop
+_READ_BYTES = 16_384  # at a time, ten times what a router logs about ordinary messages: a flood must not stop the loop
 _FILE_BYTES = 1_000_000  # read; then it is emptied, with what nobody could follow
 _LINKS_KEPT = 256
 _STDOUT = 1
@@ -40,7 +40,7 @@ _log = logging.getLogger("zenoh")
 
 
 class ZenohLog:
-    """Tells what in Zenoh's lines is for people."""
+    """Picks from Zenoh's lines those that people need."""
 
     def __init__(self) -> None:
         self._repeats = Repeats()

@@ -37,9 +37,9 @@ Mode = Literal["peer", "client", "router"]
 
 ROBOT_ROUTER = "comm"
 LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
-# Over a poor Wi-Fi a link is given up before its first words have arrived, and so it never stands
+# With the robot's shorter lease, a link over a poor Wi-Fi would be given up before its handshake is complete
 LAPTOP_LEASE_S = 2.0
-# Ten seconds would be kept by a first packet that was lost; TCP repeats it ever more rarely
+# A lost first packet would block the attempt for the default of ten seconds: TCP repeats it ever more rarely
 _OPEN_TIMEOUT_S = 2.5
 # A thread that has to wait for a link that takes nothing holds up all others meanwhile, the robot's own among them: it
 # must be done within a lease. What is longer than a queue would wait even for a link that is only slow
@@ -102,7 +102,7 @@ def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
 
 
 def lease_s(name: str, clock_lease_s: float) -> float:
-    """How long the others wait for this process until they give it up (s); on the robot, as the clock asks."""
+    """How long the others wait for this process until they give it up (s); on the robot, as the clock requires."""
     return clock_lease_s if name in ON_ROBOT else max(clock_lease_s, LAPTOP_LEASE_S)
 
 

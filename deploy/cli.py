@@ -50,7 +50,7 @@ def main(argv: list[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     arguments = build_parser(families_of(words)).parse_args(words)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a name that the terminal's alphabet lacks ends nothing
+        sys.stdout.reconfigure(errors="backslashreplace")  # for characters that the terminal lacks
     try:
         code: int = arguments.run(arguments)
     except (StartError, OSError) as error:

@@ -197,7 +197,7 @@ class Pair:
 
 
 def measure(rounds: int) -> dict[str, Figures]:
-    """Both kinds by turns, so that what else the machine does meets both."""
+    """Both kinds by turns, so that other load on the machine affects both."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     configs = {kind: Config(mesh=MeshSection(f"tcp/127.0.0.1:{reserve_port()}")) for kind in ENDS}
     figures = {kind: Figures([], [], []) for kind in ENDS}

@@ -71,7 +71,7 @@ class InputBus:
 
 
 class Drive:
-    """The node with its worker; `report` is what the bridge says, and the steps of the node until its next word."""
+    """The node with its worker; `report` publishes one report of the bridge and steps the node until the next."""
 
     def __init__(self, out: Bus | None) -> None:
         self.worker = ProcessWorker()

@@ -1,8 +1,8 @@
 """A drive of any length round a made-up floor -> odometry and ranges, for measuring what the mapping unit costs.
 
 Two islands in a hall of 2 m, 58 m by 20 m, with pilasters every few metres; always the same way round both. The sonars
-hear the nearest foot of a wall within their beam, with noise and losses; the simulator
-would take an hour for a kilometre.
+measure the nearest foot of a wall within their beam, with noise and losses; the simulator would take an hour for a
+kilometre.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ class Relay:
                     near.close()
                     continue
                 for end in (near, far):
-                    # A link keeps nothing back; whether to wait for more to send is for its ends to say
+                    # The relay sends every piece at once: collecting small ones (Nagle) is the decision of the two ends
                     end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._sockets += [near, far]
                 for source, sink in ((near, far), (far, near)):
@@ -91,7 +91,7 @@ class Relay:
                 end.shutdown(socket.SHUT_RDWR)
 
     def _carry(self, count: int) -> None:
-        """Returns when the link has carried so many bytes more; whoever asks first has the first turn."""
+        """Returns when the link has carried so many bytes more; first come, first served."""
         with self._turn:
             self.relayed_bytes += count
             if not self.rate_bytes_s:

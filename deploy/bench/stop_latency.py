@@ -1,8 +1,8 @@
 """The software stop: from the command on the laptop until the motors of the simulated body are off, at speed 1.
 
-The whole mesh as real processes. Between laptop and robot lies a relay of 2 MB/s: once idle but for the robot's own
-words, once kept full by photos, which go the way of all photos: through the outbox into the run database, and to who
-shows them. The stop itself goes as `indoor-mapping estop` sends it.
+The whole mesh as real processes. Between laptop and robot lies a relay of 2 MB/s: once with the robot's own
+messages only, once kept full by photos, which take their usual way: through the outbox into the run database, and to
+the programs that show them. The stop itself goes as `indoor-mapping estop` sends it.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class StopMesh:
         return ZenohBus("command_center", self._across, FreeClock(), "client")
 
     def join_anew(self) -> None:
-        """A program of the operator that was just started: its first word will be the stop."""
+        """A program of the operator that was just started: the stop is its first message."""
         self._operator.close()
         self._operator = self._join()
         until(self._granted, _WAIT_S, "the permit")
@@ -161,7 +161,7 @@ def measure(mesh: StopMesh, count: int) -> list[float]:
     latencies_s: list[float] = []
     while len(latencies_s) < count:
         mesh.join_anew()
-        time.sleep(0.1 * secrets.randbelow(1000) / 1000)  # no stop falls on the beat of anybody's loop
+        time.sleep(0.1 * secrets.randbelow(1000) / 1000)  # no stop is in phase with the loop of a node
         latency_s = mesh.stop()
         if latency_s is not None:
             latencies_s.append(latency_s)

@@ -1,4 +1,4 @@
-"""The board at the end of its serial line, in a person's hand: what `check-sensors`, `drive` and `calibrate` speak.
+"""The board at the end of its serial line, without a mesh: `check-sensors`, `drive` and `calibrate` talk to it by this.
 
 Port -> messages of the board; heartbeats and commands -> port. It stands where the bridge stands otherwise, and keeps
 the bridge's rules: silent until HELLO, heartbeats only while motion is allowed. The time is given.
@@ -36,7 +36,7 @@ LOST_S = 0.3  # no line for this long: silent until the next HELLO
 
 
 class WrongFirmware(StartError):
-    """The board speaks another protocol."""
+    """The firmware on the board has another version of the protocol."""
 
 
 class BoardLink:
@@ -119,7 +119,7 @@ class BoardLink:
             case Hello():
                 if (message.version, message.hash) != (protocol.VERSION, protocol.HASH):
                     raise WrongFirmware(
-                        f"The board speaks protocol {message.version}/{message.hash:04X}, this program "
+                        f"The board uses protocol {message.version}/{message.hash:04X}, this program "
                         f"{protocol.VERSION}/{protocol.HASH:04X}: flash this version's firmware (arduino/README.md)."
                     )
                 self.hello, self.connected = message, True

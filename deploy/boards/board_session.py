@@ -49,7 +49,7 @@ class BoardSession:
         self.until(
             lambda: self.link.connected,
             CONNECT_S,
-            "The board does not say HELLO: is the firmware flashed, and no other program on the port?",
+            "The board sends no HELLO: is the firmware flashed, and no other program on the port?",
         )
         self.until(
             lambda: self.link.sim is not None and self.link.sim.state == SimState.RUNNING,
@@ -87,7 +87,7 @@ class BoardSession:
         )
         if self.link.aborted(command):
             self.link.stop()
-            raise StartError("Something stands in the way, or bumper or cliff sensor says so: clear it, then repeat.")
+            raise StartError("Bumper, cliff sensor or sonars report an obstacle: clear it, then repeat.")
         self.turn_to(yaw_deg)
         self.until(self._stands, 5.0, "The robot does not come to rest.")
 

@@ -1,6 +1,6 @@
 """A small certificate authority: one certificate per role, and the key that commands are signed with.
 
-The authority's own key is not kept, so nobody can make another certificate later: who needs one makes all anew.
+The authority's own key is not kept, so no certificate can be added later: for another one all are made anew.
 """
 
 from __future__ import annotations

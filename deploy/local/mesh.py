@@ -146,7 +146,7 @@ class LocalRun:
         self._socket_folder.cleanup()
 
     def _start_processes(self) -> None:
-        """All at once, but for the bridge: a port that is not there yet would cost it a whole second."""
+        """Starts all at once except the bridge: without its port it would retry only after a second."""
         # The command center takes a terminal: it is opened in this one, where there is one
         absent = {"command_center", "bridge"} | ({"poi"} if self._options.camera == "off" else set())
         for name, package in PROCESSES.items():
@@ -197,7 +197,7 @@ class LocalRun:
         print("The mission has started.", flush=True)
 
     def _open_screen(self) -> None:
-        """From here on the terminal is the Command Center's; the mesh ends when a person says so."""
+        """From here on the terminal is the Command Center's; the mesh ends when a person ends it there."""
         self._ends_with_mission = False
         self._console.setLevel(logging.CRITICAL + 1)
         arguments = [
@@ -251,7 +251,7 @@ class LocalRun:
                 raise Interrupted
 
     def _start_again(self, bus: ZenohBus, view: PlannerView) -> None:
-        """A planner that had to be restarted waits for a start; whom a person halted, a person sets going."""
+        """Sends start to a planner that was restarted, but not after a person stopped or paused the robot."""
         permit = bus.latest(PERMIT)
         for command in bus.take(OPERATION):
             self._person_halted = command.operation is Operation.PAUSE
@@ -261,7 +261,7 @@ class LocalRun:
             bus.publish(OPERATION, OperatorCommand(time.monotonic(), Operation.START))
 
     def _await_recorded(self, bus: ZenohBus) -> None:
-        """The end of the mission must be in the database; a recorder that cannot is not waited for long."""
+        """Waits until the database holds the end of the mission, for a limited time."""
 
         def recorded() -> bool:
             status = bus.latest(STATUS["recorder"])

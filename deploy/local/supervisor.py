@@ -68,7 +68,7 @@ class Supervisor:
         self._spawn(child)
 
     def check(self) -> None:
-        """Restarts what died; raises ProcessFailed for what cannot be helped."""
+        """Restarts processes that ended; raises ProcessFailed for one that cannot be restarted."""
         for child in self.children.values():
             if child.process is None:
                 if child.died_s is not None and time.monotonic() - child.died_s >= RESTART_PAUSE_S:
@@ -87,7 +87,7 @@ class Supervisor:
             child.process, child.died_s = None, None
 
     def end_all(self, timeout_s: float) -> None:
-        """Ends every process that was started; what does not follow within the time is killed."""
+        """Ends every process that was started; kills those that do not end in time."""
         running = [child for child in self.children.values() if child.process is not None]
         for child in running:
             self._signal(child, signal.SIGTERM)

@@ -1,6 +1,6 @@
 """The Command Center in the terminal of `local`: a process of its own, so that neither holds the other up.
 
-While it runs the terminal is its own: `local` prints nothing. Its exit code says what becomes of the mesh.
+While it runs the terminal is its own: `local` prints nothing. Its exit code decides whether the mesh ends too.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def has_terminal() -> bool:
 
 
 class TerminalUi:
-    """The running screen. `left` says when and how it was left; `close` in `finally`."""
+    """The running screen. `left` is how it was left, None while it runs; `close` in `finally`."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
         module = PROCESSES["command_center"]

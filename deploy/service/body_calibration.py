@@ -1,4 +1,4 @@
-"""`calibrate wheels` and `calibrate gyro`: drives of this very robot, and where a person says that it ended."""
+"""`calibrate wheels` and `calibrate gyro`: drives of this very robot, and the end points that a person measured."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def calibrated(config: Config, fit: WheelFit) -> Config:
 
 
 def measure_wheels(session: BoardSession, side_m: float, rounds: int, prompt: Prompt, output: Output) -> WheelFit:
-    """A straight line, then squares both ways; asks where the robot really ended."""
+    """A straight line, then squares both ways; prompts for the measured end point of each."""
     if side_m < 0.5 or rounds < 1:
         raise StartError("A square needs a side of at least 0.5 m, and one round in each direction.")
     output(f"The robot needs {side_m + 1:.0f} m x {side_m + 1:.0f} m to its front and both sides.")

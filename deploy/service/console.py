@@ -1,4 +1,4 @@
-"""How a service tool talks with the person beside the robot."""
+"""Input and output of a service tool: a prompt, and lines for the person beside the robot."""
 
 from __future__ import annotations
 

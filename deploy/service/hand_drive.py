@@ -26,7 +26,7 @@ class HandDrive:
         self._yaw_deg = odo.yaw_cdeg / 100.0 if odo is not None else 0.0
 
     def key(self, key: str) -> bool:
-        """Obeys; False when it is to end."""
+        """Executes the command of a key; False for the key that ends the drive."""
         speeds = {"w": Speed.MEDIUM, "W": Speed.HIGH, "x": Speed.REVERSE}
         if key == "q":
             return False

@@ -68,7 +68,7 @@ def _faults(session: BoardSession, answered: set[str]) -> list[str]:
 
 
 def _motor_faults(session: BoardSession) -> list[str]:
-    """A small turn to the left and back: both wheels, both encoders and the gyro must tell the same."""
+    """A small turn to the left and back: both wheels, both encoders and the gyro must agree."""
     odo = session.link.odo
     assert odo is not None
     session.arm()

@@ -1,4 +1,4 @@
-"""Verb `bench`: figures of this machine. They are printed and judged by nobody; what must hold, tests assert."""
+"""Verb `bench`: figures of this machine. They are printed only; the tests assert what must hold."""
 
 from __future__ import annotations
 

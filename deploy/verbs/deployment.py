@@ -60,5 +60,5 @@ def hosts_of(machines: Iterable[str]) -> dict[str, list[str]]:
             raise StartError(f"--machine wants NAME=HOST_OR_IP with a NAME of {', '.join(ROLES)}, not {machine!r}.")
         hosts.setdefault(role, []).append(host)
     if "robot" not in hosts:
-        raise StartError("--machine robot=HOST_OR_IP is needed: its certificate says where the others find it.")
+        raise StartError("--machine robot=HOST_OR_IP is needed: its certificate names the address of the robot.")
     return hosts

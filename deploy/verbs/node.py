@@ -1,4 +1,4 @@
-"""Verbs `node NAME` and `command-center`: one process, as boards and laptop run it. It takes the place of this one."""
+"""Verbs `node NAME` and `command-center`: one process, as boards and laptop run it. It replaces this process."""
 
 from __future__ import annotations
 

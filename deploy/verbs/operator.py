@@ -60,7 +60,7 @@ def _estop(arguments: argparse.Namespace) -> int:
             return 0
         permit = bus.latest(PERMIT)
         latched = permit is not None and stop_id in permit.stop_ids
-        known = "The stop is latched, but nobody says that the wheels stand still" if latched else "Not confirmed"
+        known = "The stop is latched, but no report shows that the wheels stand still" if latched else "Not confirmed"
         print(f"{known}: use the red button on the robot.", file=sys.stderr)
         return 1
     finally:
@@ -70,10 +70,10 @@ def _estop(arguments: argparse.Namespace) -> int:
 def _release(arguments: argparse.Namespace) -> int:
     bus = _join(arguments)
     try:
-        # The permit says what is latched, the Carrier whether the button is pressed
+        # The permit names what is latched, the Carrier reports whether the button is pressed
         wait_until(lambda: bus.latest(PERMIT) is not None and bus.latest(CARRIER) is not None, LINK_TIMEOUT_S)
         if bus.latest(PERMIT) is None:
-            print("The robot is not heard, so nothing was released.", file=sys.stderr)
+            print("No message from the robot arrived, so nothing was released.", file=sys.stderr)
             return 1
         now_s = time.monotonic()
         report = software_stop.robot_report(bus, now_s)
@@ -116,7 +116,7 @@ def _operation(arguments: argparse.Namespace) -> int:
 
 
 def _check_place(text: str) -> None:
-    """A mistake in the words themselves is reported without a mesh."""
+    """Reports a malformed place before it connects to the mesh."""
     try:
         coordinates(text)
     except UnknownPlace as error:

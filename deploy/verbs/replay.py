@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # loaded when it is needed, because it loads the mapping unit
     from offboard.replay.range_log import RangeLog
     from offboard.replay.replay import Replayed
 
-BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narrower, a small sonar's wider
+BEAM_HALF_WIDTH_DEG = 4.0  # of a log without one: a laser's beam is narrower, a small sonar's wider
 
 
 def add_verbs(verbs: Any) -> None:
@@ -31,11 +31,11 @@ def add_verbs(verbs: Any) -> None:
         type=float,
         default=BEAM_HALF_WIDTH_DEG,
         metavar="DEG",
-        help=f"0 for a pencil of light, 38 for a wide sonar ({BEAM_HALF_WIDTH_DEG:g})",
+        help=f"0 for a laser, 38 for a wide sonar ({BEAM_HALF_WIDTH_DEG:g})",
     )
     replay.add_argument("--max-range", type=float, metavar="M", help="ranges from here on are no echo")
     replay.add_argument(
-        "--field-of-view", type=float, metavar="DEG", help="of a CARMEN log's FLASER, where the log does not tell (180)"
+        "--field-of-view", type=float, metavar="DEG", help="of a CARMEN log's FLASER, where the log has none (180)"
     )
     replay.set_defaults(run=_replay)
 

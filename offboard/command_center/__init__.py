@@ -1,1 +1,1 @@
-"""The Command Center (Textual): what every module says, a log view, and the operator's stop and commands."""
+"""The Command Center (Textual): the status of every module, a log view, and the operator's stop and commands."""

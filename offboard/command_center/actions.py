@@ -30,7 +30,7 @@ else:
 
 END_MESH, KEEP_MESH = 0, 3  # exit codes
 
-# What sets the robot in motion asks first; to stand never does
+# A command that sets the robot in motion needs a confirmation; a stop never does
 _QUESTIONS = {
     Operation.START: ("Start the mission", "The robot begins to drive, explores the floor and comes home.", "Start"),
     Operation.RESUME: ("Resume", "The robot goes on where it was paused or stopped.", "Resume"),

@@ -52,7 +52,7 @@ THEME = Theme(
 
 
 class CommandCenterApp(OperatorActions, App[int]):
-    """`stop` ends it from outside; `owns_mesh` makes it ask on leaving whether the mesh shall end too."""
+    """`stop` ends it from outside; with `owns_mesh` a dialog on leaving offers to end the mesh too."""
 
     CSS_PATH = "command_center.tcss"
     TITLE = "Indoor Mapping"
@@ -87,7 +87,7 @@ class CommandCenterApp(OperatorActions, App[int]):
         timeout: float | None = None,
         markup: bool = False,
     ) -> None:
-        """Words are never markup here, but where somebody says so."""
+        """Without markup unless the caller requests it: text from outside must not be interpreted."""
         super().notify(message, title=title, severity=severity, timeout=timeout, markup=markup)
 
     def on_mount(self) -> None:

@@ -36,7 +36,7 @@ GENERAL_BINDINGS = (
     Binding("q", "leave", "Leave", id="leave"),
 )
 
-# What the help screen says about each; the keys come from the tables above
+# The help screen's sentence about each; the keys come from the tables above
 HELP: dict[str, str] = {
     "stop": "Stops the robot and latches the stop. Works everywhere, also F12, space and a click on the bar.",
     "release": "Releases the operator's stop by a typed word. Nothing moves before a resume.",

@@ -18,7 +18,7 @@ class Freshness(Enum):
     LIVE = "live"
     STALE = "STALE"
     GONE = "GONE"
-    NEVER = "never heard"
+    NEVER = "no message"
 
 
 def freshness(age_s: float) -> Freshness:

@@ -2,7 +2,7 @@
 
 For the Command Center and the verbs `start`, `pause`, `resume`, `home`, `goto`: `OPERATION` out every REPEAT_S, the
 acknowledgement back as `PlannerView.command_id`. A resume names the stop after which the robot may go on; it is taken
-once the permit says so too.
+once the permit confirms it too.
 """
 
 from __future__ import annotations

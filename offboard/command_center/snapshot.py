@@ -24,7 +24,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class OperationResult:
-    """How the newest command to the mission fared; `serial` grows with every command."""
+    """The result of the newest command to the mission; `serial` grows with every command."""
 
     serial: int
     operation: str

@@ -1,8 +1,8 @@
 """The operator's side of the software stop, for the Command Center and the verbs `estop` and `release`. Pure.
 
-A demand stands until the robot confirms it: `request` says what to send meanwhile, every REPEAT_S. A press has a number
-of its own, which the permit quotes once it is latched; a release names the epoch that the person saw. The robot owns
-the stop; what it reports with its age (`RobotReport`), and not what was sent, decides what a person sees (`look`).
+A demand stands until the robot confirms it: `request` returns what to send meanwhile, every REPEAT_S. A press has a
+number of its own, which the permit quotes once it is latched; a release names the epoch that the person saw. The robot
+owns the stop; what it reports with its age (`RobotReport`), and not what was sent, decides what a person sees (`look`).
 """
 
 from __future__ import annotations
@@ -107,11 +107,11 @@ def pressed(control: StopControl, now_s: float, stop_id: int) -> StopControl:
 def release_hindrance(control: StopControl, report: RobotReport, now_s: float) -> str:
     """Why the stop must not be released now, as one sentence; empty where it may be."""
     if not report.linked(now_s):
-        return "The robot is not heard: wait until the link is back."
+        return "No message from the robot arrives: wait until the link is back."
     if control.demand is Demand.STOP:
         return "The stop is not confirmed yet: wait until it is."
     if report.permit.stop_epoch == 0:
-        return "The Arduino has not said yet which stop it knows: check bridge and USB cable, then try again."
+        return "The Arduino has not reported yet which stop it knows: check bridge and USB cable, then try again."
     if not report.permit.stop_sources:
         return "No stop is latched."
     if report.button_pressed:
@@ -127,7 +127,7 @@ def release_requested(control: StopControl, report: RobotReport, now_s: float) -
 
 
 def updated(control: StopControl, report: RobotReport, now_s: float) -> StopControl:
-    """The demand in the light of the newest report."""
+    """The demand after the newest report: unchanged, confirmed or timed out."""
     if control.demand is Demand.STOP and confirmed(report, control):
         return StopControl(latency_s=max(report.permit_s, report.odometry_s) - control.since_s)
     if control.demand is Demand.RELEASE:

@@ -38,7 +38,7 @@ FAR_M = 1e3  # stands for "never" in the assignment
 
 
 class EvaluationError(ValueError):
-    """The run cannot be judged: one sentence says what is missing."""
+    """The run cannot be evaluated; the message is one sentence with what is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +210,7 @@ def poi_figures(floor: dict[str, Any], pois: list[dict[str, Any]], found: Points
 def evaluate(floor_json: dict[str, Any], run_dir: Path) -> Figures:
     """Every figure of a run, lengths in metres (`_m`), shares from 0 to 1; None where there is nothing to judge.
 
-    `halls`, `ratio`, `imaged_of_possible` and `doors_imageable` only where the floor file says what they need.
+    `halls`, `ratio`, `imaged_of_possible` and `doors_imageable` only where the floor file has the data that they need.
     Raises EvaluationError when trajectory or truth is missing or they have no time in common.
     """
     estimate, truth = _read_track(run_dir / TRAJECTORY_NAME), _read_track(run_dir / TRUTH_NAME)

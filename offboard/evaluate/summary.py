@@ -41,7 +41,7 @@ class StepTimes:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class RunFacts:
-    """What whoever ran the nodes knows of the run."""
+    """Facts of the run, from the program that ran the nodes."""
 
     floor: str
     seed: int

@@ -34,7 +34,7 @@ _log = logging.getLogger("export")
 
 
 class ExportError(StartError):
-    """The run cannot be exported as asked: one sentence says why."""
+    """The run cannot be exported as requested; the message is one sentence with the reason."""
 
 
 @dataclass(frozen=True, slots=True)

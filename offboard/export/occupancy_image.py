@@ -24,7 +24,7 @@ from offboard.runs.run_folder import (
 CELL_M = 0.05
 MARGIN_M = 1.0
 SIGHT_END_M = 0.15  # the last bit of a beam lies in the wall
-SIGHT_MAX_M = 4.0  # a beam is a cone: farther away it says little about a line
+SIGHT_MAX_M = 4.0  # a beam is a cone: farther away it is wider than the line that it would mark as free
 PASSED_MIN = 5  # beams through a cell before it counts as free: single ones have been mirrored by a wall
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 # 205 is read as (255 - 205) / 255 = 0.19608: a larger threshold would make all that is unknown free

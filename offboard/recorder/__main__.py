@@ -15,7 +15,7 @@ RUNS_FOLDER = Path("runs")
 
 
 def make_recorder(config: Config, arguments: argparse.Namespace) -> Recorder:
-    """Into the folder that was asked for, else a new one for this start."""
+    """Records into the folder of `--run-dir`, else into a new one."""
     now = datetime.now().astimezone()
     return Recorder(arguments.run_dir or RUNS_FOLDER / f"{now:%Y-%m-%d_%H-%M-%S}", now.isoformat(timespec="seconds"))
 

@@ -90,7 +90,7 @@ class KeptRun:
         return Delivered(self.state(), handover.newest_row, result.problems, refusal)
 
     def write(self, *, sum_up: bool = False) -> Written:
-        """Every file that is not as it should be; with a summary where it is due, or asked for."""
+        """Every file that is not as it should be; with a summary where it is due or requested."""
         self.files.append_poses()
         self.files.write()
         due = sum_up or self._row - self._summary_row >= SUMMARY_ROWS

@@ -31,7 +31,7 @@ class OutboxInbox:
         return since_s is not None and now_s - since_s > HANDOVER_S and now_s - self._newest_s < HANDOVER_S
 
     def take(self, piece: OutboxPiece, now_s: float) -> None:
-        """A piece that does not continue what is here is left out: the receipt says what is wanted."""
+        """A piece that does not continue what is here is left out: the receipt requests what is wanted."""
         if self.complete is not None or not 0 < piece.total_bytes <= TOTAL_BYTES_MAX:
             return
         if self._newest is None or self._newest.outbox_id != piece.outbox_id:
@@ -57,7 +57,7 @@ class OutboxInbox:
         return bytes(self._bytes) if self.complete is not None else b""
 
     def stored(self, newest_row: int) -> None:
-        """The database has the rows that were complete; `newest_row` as `unpack_rows` says."""
+        """The database has the rows that were complete; `newest_row` as `unpack_rows` returns it."""
         assert self.complete is not None
         self._next_row = max(self.complete.number, newest_row) + 1
         self._bytes.clear()

@@ -60,7 +60,7 @@ def _add_row(content: RowContent, row: bytes) -> None:
             if len(span) == 2:  # an older outbox counted them only: the hole in the numbers shows them
                 add_loss(content.dropped, (str(key), _whole(boot_id)), *map(_whole, span))
     except _SENSELESS as error:
-        # Sent again it would be the same: kept waiting, it would keep all later ones out
+        # Sending it again would not help, and waiting for it would block all later rows
         _log.error("a row of the outbox makes no sense error=%s", error)
 
 

@@ -22,7 +22,7 @@ _log = logging.getLogger("recorder")
 
 
 def draw(run_dir: Path) -> None:
-    """From the files of the folder; a line in the log says why there is none."""
+    """From the files of the folder; where there is no picture, a line in the log gives the reason."""
     try:
         for name in _PICTURES:
             EXPORTS[name].of_run(run_dir, run_dir)

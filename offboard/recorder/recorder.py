@@ -110,7 +110,7 @@ class Recorder:
         self._run = None
 
     def _finish(self, run: KeptRun) -> None:
-        """Here and now."""
+        """Stores and writes what is left, with the final summary, and draws the pictures; waits for all of it."""
         self._store_at_once(run)
         self._on_disk(lambda: self._written(run.write(sum_up=True)))
         self._store_at_once(run)
@@ -234,7 +234,7 @@ class Recorder:
             self._artist.begin(lambda: self._draw(self.run_dir))
 
     def _on_disk(self, action: Callable[[], object]) -> None:
-        """Do it, or say once why the disk refused."""
+        """Does it; where the disk refuses, logs the reason once."""
         try:
             action()
         except DISK_ERRORS as error:

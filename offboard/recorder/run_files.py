@@ -1,6 +1,6 @@
 """The files of the run folder, made from what the run database holds: poses, map, points of interest.
 
-`trajectory.tum` grows with every pose; the rest is written when the recorder says so. What the disk refuses is kept
+`trajectory.tum` grows with every pose; the rest is written when the recorder requests it. What the disk refuses is kept
 here and tried again.
 """
 

@@ -34,7 +34,7 @@ def open_run(run_dir: Path, date: str | None, recorder_id: int, before: KeptRun 
 
 
 def reopen_run(run: KeptRun, error: BaseException, date: str | None) -> KeptRun:
-    """After an error that says that the database is lost."""
+    """Opens the run again after an error that means that the database is lost."""
     lost = run.database.leave(error)
     opened = open_run(run.files.run_dir, date, run.database.recorder_id, run)
     opened.lost = ", ".join(filter(None, (lost, opened.lost)))

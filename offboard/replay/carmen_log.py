@@ -1,7 +1,7 @@
 """Range logs of the robot navigation toolkit CARMEN -> `Scans`: lines FLASER, ROBOTLASER1 and ROBOTLASER2.
 
 Each such line holds a sweep of a laser, the laser's pose and the robot's odometry; of the sweep only a few beams are
-kept. What a FLASER line does not tell stands in the log's PARAM lines: how far the laser sees, over which angle, and
+kept. What a FLASER line lacks stands in the log's PARAM lines: how far the laser sees, over which angle, and
 where it sits on the robot.
 """
 
@@ -20,7 +20,7 @@ RANGE_MAX_M = 50.0  # of any laser indoors: lasers write 80 m and more for no ec
 KINDS = ("FLASER", "ROBOTLASER1", "ROBOTLASER2")
 OTHERS = ("PARAM", "ODOM", "RLASER", "LASER3", "LASER4", "TRUEPOS", "SYNC", *(f"RAWLASER{i}" for i in range(1, 6)))
 
-_SPREAD = np.array([1.0, 0.5, 0.0, -0.5, -1.0])  # which beams of a sweep, where none are asked for
+_SPREAD = np.array([1.0, 0.5, 0.0, -0.5, -1.0])  # which beams of a sweep, where none are requested
 _SPREAD_RAD = pi / 2
 _BEAM_OFF_MAX_RAD = radians(2.0)
 _TURN_RAD = 2 * pi + 0.01
@@ -118,7 +118,7 @@ class _Reader:
         return [r if 0 < r < scan.limit_m else nan for r in ranges_m]
 
     def choose(self, number: int, turned_rad: float) -> FloatArray:
-        """Bearings (B,), as the laser has them, of the beams asked for on the robot, or of a few spread ones."""
+        """Bearings (B,), as the laser has them, of the beams requested on the robot, or of a few spread ones."""
         scan = self._scan(number)
         bearings_rad, step_rad = scan.bearings_rad, abs(scan.step_rad)
         if self.options.beams_deg is not None:
@@ -131,7 +131,7 @@ class _Reader:
         return bearings_rad[list(dict.fromkeys(picked))]
 
     def note_sweep(self, number: int, notes: list[str]) -> None:
-        """Over how much a FLASER looks is a guess, or said elsewhere."""
+        """Notes the field of view that a FLASER is taken to have, unless it is half a turn with a usual count."""
         scan = self._scan(number)
         over_rad = -2 * scan.first_rad
         if len(scan.ranges) not in _HALF_TURN_COUNTS or over_rad != pi:

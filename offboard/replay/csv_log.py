@@ -28,8 +28,8 @@ def read_csv(text: LogText, options: ReadOptions) -> Scans:
     comments = _comments(text)
     if BEARINGS not in comments:
         raise RangeLogError(
-            f"{text.path} is no CARMEN log, and a CSV log needs a comment line '# {BEARINGS}: ...' that tells where "
-            f"its beams look."
+            f"{text.path} is no CARMEN log, and a CSV log needs a comment line '# {BEARINGS}: ...' with the "
+            f"directions of its beams."
         )
     bearings_rad = _bearings(text, *comments[BEARINGS], notes)
     limits_m = _limits(text, comments, len(bearings_rad))

@@ -3,7 +3,7 @@
 1. Scans with equal stamps share the time until the next stamp.
 2. The unit is the one by which the robot drives about as fast as indoor robots do.
 3. A few stamps that lie elsewhere, before the clock goes on, lie evenly between their neighbours. A clock that does not
-   go on after that was set anew; one that stood for longer than it owns up to goes on by the log's own period.
+   go on after that was set anew; one that stood while the scans went on continues by the log's own period.
 
 A log whose stamps grow keeps them to the bit.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from common.geometry import FloatArray
 from offboard.replay.log_scans import Lines, note
 
-PERIOD_S = 0.2  # of scans of which no clock tells anything
+PERIOD_S = 0.2  # of scans without a clock
 SPEED_M_S = 0.3
 MOVED_M = 0.001
 UNITS = {
@@ -28,7 +28,7 @@ UNITS = {
     1e3: "thousands of seconds",
 }
 GAP_MAX_S = 3600.0
-STAMP_MAX_S = 1e11  # what is later no clock of seconds tells finely enough
+STAMP_MAX_S = 1e11  # above it, seconds as floats are too coarse
 WILD_MAX = 5  # scans
 ELSEWHERE = "a stamp that lies elsewhere was put between its neighbours"
 STOOD_SHARE = 0.3  # of the log's period: scans that share less time than this were not that close

@@ -162,7 +162,7 @@ class Trust:
         return places[0] if moved and off_m < SAME_VIEW_M else None
 
     def _view_off_m(self, a: int, b: int) -> float:
-        """By how much the ranges of two scans differ; infinite where too few beams heard something in both."""
+        """By how much the ranges of two scans differ; infinite where too few beams have an echo in both."""
         off_m = np.abs(self.ranges_m[a] - self.ranges_m[b])
         off_m = off_m[np.isfinite(off_m)]
         return float(np.median(off_m)) if len(off_m) >= BEAMS_SAME_MIN else np.inf

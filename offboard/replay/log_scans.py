@@ -24,7 +24,7 @@ class RangeLogError(StartError):
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """What a person knows of the log better than it does itself; None: what it says."""
+    """What a person gives in place of the log's own data; None: the log's own."""
 
     beams_deg: tuple[float, ...] | None = None
     max_range_m: float | None = None

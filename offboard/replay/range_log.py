@@ -68,7 +68,7 @@ def read_range_log(
     max_range_m: float | None = None,
     field_of_view_deg: float | None = None,
 ) -> RangeLog:
-    """The log in a file; what is given counts more than what the log says. Raises RangeLogError.
+    """The log in a file; an argument that is given replaces the log's own value. Raises RangeLogError.
 
     `beams_deg` picks beams; ranges from `max_range_m` on are no echo; `field_of_view_deg` is that of FLASER lines.
     """

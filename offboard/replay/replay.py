@@ -20,7 +20,7 @@ from offboard.runs.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_
 from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.slam import Carrier, Slam
 
-BEAM_HALF_WIDTH_DEG = 4.0  # of a log that does not say: a laser's beam is narrower, a small sonar's wider
+BEAM_HALF_WIDTH_DEG = 4.0  # of a log without one: a laser's beam is narrower, a small sonar's wider
 
 
 @dataclass(frozen=True, slots=True)

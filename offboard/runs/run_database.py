@@ -130,7 +130,7 @@ class RunReader:
         return found if limit is None else found[max(0, len(found) - limit) :]
 
     def statuses(self, module: str, *, changes_only: bool = False) -> Iterator[Message[Status]]:
-        """The status history of a module; only where state, error code or readiness changed, if asked for."""
+        """The status history of a module; only where state, error code or readiness changed, where `changes_only`."""
         last: tuple[str, int, bool] | None = None
         for message in self.messages(STATUS[module]):
             current = (message.payload.state, message.payload.error_code, message.payload.ready)
@@ -202,7 +202,7 @@ def read_messages(
     until_s: float | None = None,
 ) -> Iterator[Message[P]]:
     """As `RunReader.messages`, on an open database."""
-    # What is asked for from a row on is read by rows, not by topics: the plus keeps the index out of it
+    # A query from a row on reads by rows, not by topics: the plus keeps SQLite from the index of topics
     topic = "+topic" if after_row else "topic"
     conditions = [f"{topic} IN ({', '.join('?' * len(topics))})", "row > ?", "problem IS NULL"]
     values: list[Any] = [*(topic.key for topic in topics), after_row]

@@ -30,7 +30,7 @@ class RunLine:
     date: datetime
     floor: str = ""
     duration_s: float | None = None
-    outcome: Outcome | None = None  # None: nobody says
+    outcome: Outcome | None = None  # None: not recorded
     figures: dict[str, float] = field(default_factory=dict)
     damage: tuple[str, ...] = ()
 
@@ -61,7 +61,7 @@ def _with_summary(line: RunLine) -> RunLine:
 
 
 def _outcome(summary: Node) -> Outcome:
-    """As it is written; older summaries only say whether the mission was finished."""
+    """As it is written; older summaries only have whether the mission was finished."""
     if not summary.has("outcome"):
         return Outcome.FINISHED if summary.flag("finished") else Outcome.NONE
     word = summary.text("outcome")
@@ -85,7 +85,7 @@ def _with_database(line: RunLine) -> RunLine:
 
 
 def read_run(folder: Path) -> RunLine:
-    """From the summary where there is one, else from the database; what is damaged is told beside the rest."""
+    """From the summary where there is one, else from the database; damaged files are listed in `damage`."""
     line = RunLine(folder, datetime.fromtimestamp(0, UTC))
     for read in (_with_change_time, _with_summary, _with_database):
         try:
@@ -96,7 +96,7 @@ def read_run(folder: Path) -> RunLine:
 
 
 def _holds_run(folder: Path) -> bool:
-    """Also where nobody may look inside: its reading says so."""
+    """True also for a folder without permission to read: reading it then reports that."""
     try:
         return folder.is_dir() and any((folder / name).exists() for name in (DATABASE_NAME, TRAJECTORY_NAME))
     except OSError:

@@ -80,7 +80,7 @@ _log = logging.getLogger("recorder")
 
 
 class RunDatabaseError(StartError):
-    """The file is no run database that this program can use: one sentence says why."""
+    """The file is no run database that this program can use; the message is one sentence with the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +208,7 @@ class RunDatabase:
         return Summary(*self.connection.execute("SELECT files_row, files FROM recorder").fetchone())
 
     def leave(self, error: BaseException) -> str:
-        """Closes it because of such an error; says what became of the file. Raises OSError."""
+        """Closes it because of such an error; returns a sentence on what became of the file. Raises OSError."""
         lost = self._files.replaced or damaged(error)
         self.close()
         return put_aside(self._files, error) if lost else ""

@@ -1,6 +1,7 @@
-"""Connections of the page's server: who says nothing makes way, and no flood of them fills the log.
+"""Connections of the page's server: idle ones are closed, and a flood of them does not fill the log.
 
-uvicorn's own protocol waits for ever for a first request, a body or a reader, until no file is left to accept with.
+uvicorn's own protocol waits without limit for a first request, a body or a slow reader, until the process has no file
+descriptor left to accept another connection.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ class BoundedProtocol(H11Protocol):
 
 
 class _Brief(logging.Filter):
-    """One line for what the server complains of, once a second for each kind, and never a traceback."""
+    """One line for each warning or error of the server, once a second for each kind, and never a traceback."""
 
     def __init__(self) -> None:
         super().__init__()

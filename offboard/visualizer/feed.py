@@ -1,4 +1,4 @@
-"""Where the node's thread and the server's thread meet: one `LiveModel` behind a lock, stamped by one clock.
+"""Shared by the node's thread and the server's thread: one `LiveModel` behind a lock, stamped by one clock.
 
 The node (or whoever plays back a recording) -> `take` -> `Feed` -> messages for each client, data for the exports. A
 client has one slot per channel, which is what it has seen: a slow one skips what is in between and never queues.
@@ -31,7 +31,7 @@ class Feed:
     def take(self, topic: Topic[Any], message: Any) -> None:
         with self._lock:
             self._model.take(topic, message, self._clock())
-        # Statuses go out with the heartbeat: a hundred a second need wake nobody
+        # Statuses are sent with the heartbeat of the page: a hundred a second need not wake the server
         if not isinstance(message, Status):
             self.on_change()
 

@@ -1,7 +1,7 @@
 """What the page shows, as values: the newest of every message, the map so far, the trail, the points of interest.
 
 Messages of the bus (or of a recording that is played back) and their arrival times -> `LiveModel`. Pure: no clock, no
-thread. `tokens` says what has changed: a client that has seen a channel's token has seen all of it.
+thread. `tokens` shows what has changed: a client that has seen a channel's token has seen all of it.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class LiveModel:
         self._changed(channel)
 
     def _take_pose(self, pose: PoseEstimate) -> None:
-        # Counted, so that a client can tell how many it was too slow for
+        # Counted, so that the number of poses that a slow client skipped is known
         self.tokens["pose"] = (self.tokens.get("pose", (0, 0))[0] + 1, 0)
         self.tokens.setdefault("trail", (0, 0))
         self.pose = pose

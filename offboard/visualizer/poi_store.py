@@ -39,7 +39,7 @@ _KEPT = tuple(f.name for f in dataclasses.fields(PoiRecord) if f.name != "has_ph
 
 
 def record_of(poi: PointOfInterest) -> PoiRecord:
-    """What a message says."""
+    """The record of a message, without the photo."""
     return PoiRecord(**{name: getattr(poi, name) for name in _KEPT}, has_photo=bool(poi.photo_jpeg))
 
 

@@ -40,7 +40,7 @@ _RECEIVED_BYTES_MAX = 1024  # a page has nothing to send
 _PIECE_BYTES = 64_000
 _END_TIMEOUT_S = 2
 _START_TIMEOUT_S = 10.0
-# A browser that obeys it cannot ask anybody else for anything
+# A browser that obeys it sends no request to any other server
 _POLICY = "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 
 
@@ -76,9 +76,10 @@ class _Pieces(StreamingResponse):
 
 
 class _KnownHosts(TrustedHostMiddleware):
-    """Only who asks for this machine: a page of the internet could give its own name this machine's address.
+    """Accepts only requests for a name of this machine. A page of the internet could resolve its own name to this
+    machine's address (DNS rebinding).
 
-    It cannot give itself an address for a name, so each may stand for itself.
+    A bare IP address cannot be rebound like that, so every address is accepted.
     """
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -95,7 +96,7 @@ class PageServer:
     """
 
     def __init__(self, feed: Feed, host: str, port: int, robot: str = "robot", names: Sequence[str] = ()) -> None:
-        """`names`: under which browsers may ask for this machine, besides its own."""
+        """`names`: further host names under which browsers may request the page."""
         keep_log_brief()
         self._feed = feed
         self._exports = Exports(feed)
@@ -279,6 +280,6 @@ def _is_address(host: str) -> bool:
 
 
 def _same_origin(page: WebSocket) -> bool:
-    """Browsers say which page asks; other programs need not."""
+    """Browsers send the origin of the requesting page; other programs need not."""
     origin = page.headers.get("origin")
     return origin is None or urlsplit(origin).netloc == page.headers.get("host")

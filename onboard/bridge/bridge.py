@@ -177,12 +177,12 @@ class Bridge:
                     self._publish_carrier(bus, t_s)
 
     def _publish_carrier(self, bus: Bus, t_s: float) -> None:
-        """Once both halves of it are known."""
+        """Publishes the Carrier's report once both of its lines (CarSta, Stp) have come."""
         if self._car is not None and self._stop is not None:
             bus.publish(CARRIER, translation.carrier_report(self._car, self._stop, t_s, self._gate))
 
     def _log_change(self, module: str, state: str, error: int) -> None:
-        """Log what is new."""
+        """Logs the state and error of SIM or Carrier when they change."""
         if self._logged.get(module) != (state, error):
             self._logged[module] = (state, error)
             _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)

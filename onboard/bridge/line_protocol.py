@@ -18,7 +18,7 @@ _TIME_MODULUS = 1 << 32
 
 
 class Received(NamedTuple):
-    """A valid line: when its sender says it was measured, and what it says."""
+    """A valid line: the time of measurement by its sender's clock, and the message."""
 
     time_ms: int
     message: Message

@@ -1,4 +1,4 @@
-"""May the robot move, as far as the bridge sees? Pure: stop requests, permits, the board's reports in, yes or no out.
+"""May the robot move, by what the bridge knows? Pure: stop requests, permits, the board's reports in, yes or no out.
 
 comm owns the stop; the gate makes it act at once, and while comm is away. It holds every stop that it received until a
 permit quotes it, reports it until then, and obeys only permits of the newest epoch that it or the board ever saw.
@@ -50,7 +50,7 @@ class MotionGate:
         return frozenset(self._held.values()) | frozenset(latched)
 
     def request(self, request: StopRequest) -> None:
-        """A stop acts here at once; a release is comm's. Where STOPS_MAX hold the robot, one more adds nothing."""
+        """Holds a stop at once; releases are handled by comm. Above STOPS_MAX a further stop is not kept."""
         if request.latched and request.stop_id not in self._quoted_ids() and len(self._held) < STOPS_MAX:
             self._held[request.stop_id] = request.source
 
@@ -64,7 +64,7 @@ class MotionGate:
             self._held[press] = BUTTON
 
     def may_move(self, permit: Permit | None, permit_age_s: float) -> bool:
-        """With the newest permit and how long ago it came."""
+        """Whether the newest permit, received `permit_age_s` ago, allows motion."""
         if permit is not None and permit is not self._permit:
             self._take(permit)
         if permit is None or self._held or permit.stop_epoch < self.epoch:

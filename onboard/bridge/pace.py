@@ -1,4 +1,4 @@
-"""Something that is done again and again, at most every so often. Pure; the time is given."""
+"""Limits how often something is done. Pure; the time is given."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class Odo(NamedTuple):
     ticks_left: int  # cumulative quadrature edges
     ticks_right: int
     yaw_cdeg: int  # 0.01 deg
-    by_walls_cdeg: int  # 0.01 deg, that much of yaw_cdeg is told by walls, the rest by the gyro
+    by_walls_cdeg: int  # 0.01 deg, that much of yaw_cdeg is measured by walls, the rest by the gyro
     rate_cdps: int  # 0.01 deg/s
     x_mm: int  # mm
     y_mm: int  # mm
@@ -88,14 +88,14 @@ class Rng(NamedTuple):
     """SIM -> MMU, 10 Hz."""
 
     seq: int
-    range_mm: tuple[int, ...]  # mm, from the transducer; 0 = nothing heard; left, front left, front, front right, right
+    range_mm: tuple[int, ...]  # mm, from the transducer; 0 = no echo; left, front left, front, front right, right
     age_ms: tuple[int, ...]  # ms, since it was fired
 
 
 class Dst(NamedTuple):
     """SIM -> PLN, 10 Hz."""
 
-    left_mm: int  # mm, from the centre of the ring; 0 = nothing heard
+    left_mm: int  # mm, from the centre of the ring; 0 = no echo
     right_mm: int  # mm
     front_mm: int  # mm
 

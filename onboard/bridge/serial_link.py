@@ -88,7 +88,7 @@ class SerialLink:
         self._port.write(data)
 
     def close_standing(self, why: str) -> None:
-        """Tells the board to stop, then closes."""
+        """Sends the stop byte, then closes."""
         if self._port is not None and self.connected:
             try:
                 self._port.write(STOP_BYTE)

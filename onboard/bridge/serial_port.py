@@ -9,7 +9,7 @@ import serial
 
 
 class SerialLost(ConnectionError):
-    """The port is not there, or not any more; one sentence says what to do."""
+    """The port is not there, or not any more; the message is one sentence with what to do."""
 
 
 class Port(Protocol):
@@ -25,7 +25,7 @@ _WRITE_TIMEOUT_S = 0.2  # shorter than the firmware waits for a heartbeat; a bus
 
 
 class SerialPort:
-    """A tty by its path. Opening it restarts most Arduinos; the board says HELLO afterwards."""
+    """A tty by its path. Opening it restarts most Arduinos; the board sends HELLO afterwards."""
 
     def __init__(self, path: str, baud: int) -> None:
         self._path = path
@@ -38,7 +38,7 @@ class SerialPort:
         try:
             data: bytes = self._serial.read(self._serial.in_waiting or 1)
         except (serial.SerialException, OSError, TypeError) as error:
-            # TypeError: pyserial's own answer when the device goes away between two of its calls
+            # TypeError: pyserial raises it when the device goes away between two of its calls
             self.close()
             raise SerialLost(_sentence(self._path, error)) from error
         return data

@@ -54,7 +54,7 @@ def odometry(odo: Odo, t_s: float, session: int, imu_works: bool) -> Odometry:
 
 
 def ranges(rng: Rng, t_s: float) -> Ranges:
-    """From the ring's centre; what is older than SONAR_AGE_MAX_S counts as nothing heard."""
+    """From the ring's centre; what is older than SONAR_AGE_MAX_S counts as no echo."""
     ages_s = tuple(age_ms / 1000.0 for age_ms in rng.age_ms)
     ranges_m = tuple(
         mm / 1000.0 + SONAR_RING_RADIUS_M if mm and age_s <= SONAR_AGE_MAX_S else nan
@@ -93,7 +93,7 @@ def carrier_report(sta: CarSta, stop: Stp, t_s: float, gate: MotionGate) -> Carr
 
 
 def error_code(number: int) -> ErrorCode:
-    """The row of the table; a number that is not in it is a firmware newer than this program."""
+    """The code with that number; a number that is not in the table comes from a firmware newer than this program."""
     try:
         return ErrorCode(number)
     except ValueError:

@@ -38,7 +38,7 @@ _log = logging.getLogger("comm")
 
 @runtime_checkable
 class TokenBus(Protocol):
-    """A bus between processes, which knows whose process runs. In lockstep there is no process that could die."""
+    """A bus between processes, with the liveliness tokens of those that run. The bus of lockstep has none."""
 
     def alive_tokens(self) -> frozenset[str]: ...
 
@@ -96,7 +96,7 @@ class Comm:
             self._outbox.close()
 
     def _take_stops(self, bus: Bus) -> None:
-        """Whatever stops, releases and resumes. Any request to stop counts, to release only a valid one."""
+        """Takes stops, releases, resumes and reports. A stop counts even where `valid` is false."""
         for request in bus.take(STOP):
             if request.latched:
                 self._stops.change(partial(stop_owner.press, stop=Stop(request.source, request.stop_id)))
@@ -130,7 +130,7 @@ class Comm:
             status_age_s=bus.age_s(STATUS[module]),
             heartbeat_age_s=now_s - heartbeat.seen_s,
             ready=status is not None and status.ready and status.valid,
-            state=status.state if status is not None else "nothing heard",
+            state=status.state if status is not None else "no status received",
         )
 
     def _publish_permit(self, bus: Bus, now_s: float, verdict: Verdict) -> None:
@@ -199,7 +199,7 @@ def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
     if folder is None:
         raise StartError("comm needs --log-dir: a stop must outlive this process.")
     if BRIDGE not in config.comm.required:
-        raise StartError(f'[comm] required names no "{BRIDGE}": without it nothing can say that the robot may move.')
+        raise StartError(f'[comm] required names no "{BRIDGE}": without the bridge no permit reaches the board.')
     outbox = Outbox(folder / FILE_NAME, config.comm.outbox_limit_mb * 1_000_000)
     new_challenge = (lambda: secrets.token_bytes(CHALLENGE_BYTES)) if config.mesh.keys else None
     stops = StopKeeper(folder / RECORD_NAME, life=secrets.randbits(LIFE_BITS))

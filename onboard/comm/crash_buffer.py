@@ -1,4 +1,4 @@
-"""The newest messages of a process that records itself: what dies with it, another process still has. Pure."""
+"""Copies of the newest messages of a process that records its own: another process has them after a crash. Pure."""
 
 from __future__ import annotations
 

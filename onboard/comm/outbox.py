@@ -1,10 +1,11 @@
 """The outbox of comm: every recorded message of the robot's modules -> `OUTBOX`, until `RECEIPT` (CM_MR_01).
 
-Messages wait in RAM for at most ROW_PERIOD_S, then on the disk, and leave it when the recorder says that its database
-has them. Whatever is killed or cut off, a message is known by its sender and number, and ends up in the database once.
+Messages wait in RAM for at most ROW_PERIOD_S, then on the disk, and leave it when the recorder acknowledges that its
+database has them. A message is identified by sender and number, so that it is stored once, whichever process is killed
+and however often the link is lost.
 
-Above its limit on the disk only status and log thin out, to one message in THINNED_TO. Which numbers of a sender were
-published and dropped travels with the rows.
+Above its limit on the disk only status and log are thinned out, to one message in THINNED_TO. The numbers that were
+published and dropped travel with the rows.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class OutboxSender:
         if rows is None:
             return None
         if now_s >= self._resend_due_s:  # no progress: pieces were lost, or the recorder was restarted
-            # All of it in hand, and still no receipt: a recorder that died with it must hear something to answer
+            # The recorder has all bytes, but no receipt came: if it was restarted, only a message makes it reply
             reached.offset = reached.held = reached.reported if reached.reported < len(rows.data) else 0
             self._resend_pause_s = min(2 * self._resend_pause_s, RESEND_MAX_S)
             self._resend_due_s = now_s + self._resend_pause_s

@@ -1,7 +1,7 @@
 """The outbox on the disk (SQLite): rows of messages from when they were received until the recorder has them.
 
 A row is one MessagePack of some messages and of what was dropped before them. What was received of every sender is
-written with the rows, in one transaction: a comm that is killed knows afterwards what it must still ask for.
+written with the rows, in one transaction: a comm that is killed knows afterwards what it must still query.
 
 After a power cut the file may be as it was a while before, and give the same row numbers to other messages. So numbers
 and receipts count for one life of the outbox, from its opening on; a message is known by its own identity.

@@ -26,7 +26,8 @@ class StopKeeper:
         self._retry_s = float("-inf")
         self.trouble = ""  # why the disk does not take the record
         self.state: StopOwner = stop_owner.owner(_load(file) if file is not None else StopRecord(), life)
-        # Before anything is heard: a stop that acts, and is lost with this process before it is stored, shall be missed
+        # Stored before any message is received: if this process dies with a stop that acted and was not stored, the
+        # record then shows that one may be missing
         wanted = self.state.to_store
         if wanted is not None:
             try:
@@ -39,7 +40,7 @@ class StopKeeper:
         self._become(after(self.state))
 
     def step(self, now_s: float) -> None:
-        """Looks what the disk has done, and gives it what is new."""
+        """Takes the outcome of the last write, and starts the next one where the record has changed."""
         outcome = self._disk.outcome()
         if outcome is not None and outcome.error is not None:
             self._refused(outcome.error)

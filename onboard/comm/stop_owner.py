@@ -1,17 +1,17 @@
-"""Who may say that the robot moves again: comm's state machine of stop, release and resume. Pure.
+"""May the robot move again after a stop? Comm's state machine of stop, release and resume. Pure.
 
     latched --release(epoch)--> released --resume(epoch)--> resumed
        ^                           |                           |
        +---------- a press: epoch + 1, from any of them -------+
 
-What stops acts at once and is stored then; what lets the robot move acts only once it is stored. So whatever dies or
-loses power, and whenever: after a latched stop nothing moves before a release of its epoch and a resume of its epoch.
+A press acts at once and is stored afterwards; a release or resume acts only once it is stored. So after a latched stop
+nothing moves before a release and a resume of its epoch, whatever crashes or loses power, at any moment.
 
 A record that is missing or damaged counts as a stop. After a restart the bridge reports which epochs it and the board
 know (`BridgeReport`). Where one is newer, the record is too old; where the bridge was restarted as well, as after every
 power cut, a stop may have acted that was not stored. Both count as a stop, and a stop that is latched over a restart
-gets a new epoch, above all that were ever named. A press that reached only a comm which died with it is not confirmed,
-so its sender sends it again.
+gets a new epoch, higher than every epoch that was ever given out. A press that reached only a comm which died with it
+is not confirmed, so its sender sends it again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from enum import Enum
 
 from onboard.comm.stop_record import Stop, StopRecord
 
-LOST_RECORD = "lost record"  # the source of a stop that nobody pressed: nobody knows whether one was
+LOST_RECORD = "lost record"  # source of the stop after a restart without a valid record: there may have been a stop
 RESTART = "restart"
 EPOCHS_LOST_MAX = 1000  # as many may have been given out and never stored
 
@@ -71,7 +71,7 @@ class StopOwner:
 
     @property
     def epoch(self) -> int:
-        """What a permit quotes: 0 until the bridge has answered, or the bridge would learn what it is queried for."""
+        """The epoch in the permit: 0 until the bridge has reported, or it would report back what it just received."""
         return self.record.epoch if self.queried is None else 0
 
     @property

@@ -1,6 +1,6 @@
 """The latched stop that the robot owns, as a value and as a file.
 
-The value says what was stopped, released and resumed; every latched stop makes a new epoch, and a release and a resume
+The value holds what was stopped, released and resumed; every latched stop makes a new epoch, and a release and a resume
 name the epoch that they mean. The file is replaced in one move and checked by its digest.
 """
 

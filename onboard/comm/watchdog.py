@@ -1,11 +1,11 @@
 """Which required module is missing, and may the robot move as far as the modules go (CM_MR_02)? Pure.
 
 A module is sound while its Zenoh token is up (its process runs), its status is fresh and its heartbeat count advances
-(its own loop runs), and it reports that it is ready. The first fault revokes; all sound for WATCHDOG_CLEAR_S grants
-again.
+(its own loop runs), and it reports that it is ready. The first fault withdraws the permit; once all modules have been
+sound for WATCHDOG_CLEAR_S it is granted again.
 
-The specification's Watch Dog Timer: `fault_of` is what its `trigger_timer` asks, and its `interrupt` is the permit that
-`Comm` withdraws, since whoever holds none stands.
+The specification's Watch Dog Timer: `fault_of` checks what its `trigger_timer` checks, and its `interrupt` is the
+permit that `Comm` withdraws: without a permit the robot stands.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Modules that a library loads and this program never uses: stand-ins for them, and the real ones when they are called.
+"""Lazy import of modules that a library loads and this program never uses: the real module is loaded on first use.
 
 What scipy and numpy load in addition costs tens of megabytes of resident memory, and seconds at every start on a
 BeagleBone.

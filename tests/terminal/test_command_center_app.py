@@ -58,7 +58,7 @@ async def test_a_row_per_module_shows_state_error_with_meaning_and_action_memory
         assert cell(app, "sim", "age") == "● live"
         blocked = ERRORS[ErrorCode.BLOCKED]
         assert cell(app, "planner", "error") == f"503 {blocked.meaning} → {blocked.action}"
-        assert cell(app, "poi", "age") == "never heard"
+        assert cell(app, "poi", "age") == "no message"
 
 
 @piloted
@@ -74,7 +74,7 @@ async def test_what_is_old_is_marked_and_never_shown_as_live(tmp_path: Path) -> 
         position = str(app.main.robot.render())
         assert "x 3.20  y -1.05 m" in position
         assert "LAST KNOWN, 2" in position
-        assert "wheels not heard" in bar(app)
+        assert "wheel speed unknown" in bar(app)
         rig.silent |= {"comm"}
         await settle(rig, app, pilot, 5.0)
         assert cell(app, "mmu", "age").startswith("GONE 7")

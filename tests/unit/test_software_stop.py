@@ -95,7 +95,7 @@ def test_a_stop_of_another_source_is_not_the_press() -> None:
 @pytest.mark.parametrize(
     ("control", "report", "now_s", "said"),
     [
-        (IDLE, STOPPED, 20.0, "not heard"),
+        (IDLE, STOPPED, 20.0, "No message"),
         (StopControl(Demand.STOP, 10.0), STOPPED, 10.3, "not confirmed yet"),
         (IDLE, replace(STOPPED, button_pressed=True), 10.3, "button"),
         (IDLE, with_permit(STOPPED, stop_epoch=0), 10.3, "Arduino"),

@@ -1,5 +1,5 @@
-// Every number of the firmware, in one place. Where a comment says `= ...`, the same number stands in
-// common/constants.py (converted as the comment says); a test compares the two.
+// Every number of the firmware, in one place. Where a comment has `= ...`, the same number stands in
+// common/constants.py (converted as in the comment); a test compares the two.
 // Units in the names: mm, ms, us, cdeg = 0.01 deg, cdps = 0.01 deg/s, mm_s, q8 = times 256.
 #pragma once
 #include <stdint.h>
@@ -58,7 +58,7 @@ static const int32_t kReverseAside_mm = 100;         // beside the way that was 
 static const uint8_t kSonarCount = 5;                // = SONAR_COUNT
 static const uint16_t kSonarCycle_ms = 49;
 static const uint16_t kSonarPowerUp_ms = 250;
-static const uint16_t kSonarNothing_us = 37400;      // longer pulses: nothing heard
+static const uint16_t kSonarNothing_us = 37400;      // longer pulses: no echo
 static const uint16_t kSonarAgeMax_ms = 250;         // = SONAR_AGE_MAX_S * 1000
 static const uint16_t kSonarSilent_ms = 1000;
 

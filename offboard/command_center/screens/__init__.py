@@ -1,1 +1,1 @@
-"""The screens: the main one, the modals that ask before something happens, the help. Each carries the stop bar."""
+"""The screens: the main one, the dialogs that confirm a command, the help. Each carries the stop bar."""

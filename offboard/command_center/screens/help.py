@@ -17,8 +17,8 @@ from offboard.command_center.screens.guarded import GuardedModal
 _STOP = """\
 The software stop is no emergency stop. It needs the link and the robot's own programs; the red button on the robot \
 needs neither. Stand so that you can reach that button.
-The bar is neutral while no stop is latched, amber while a stop is sent but not confirmed, red once the robot says \
-that it holds the stop and its wheels stand still, dark red while the robot is not heard."""
+The bar is neutral while no stop is latched, amber while a stop is sent but not confirmed, red once the robot reports \
+that it holds the stop and its wheels stand still, dark red while no message from the robot arrives."""
 _AGES = """\
 What is older than a second is STALE, what is older than five seconds GONE: it is shown dimmed, with its age. Ages \
 count from the arrival on this machine."""

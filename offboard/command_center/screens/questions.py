@@ -1,4 +1,4 @@
-"""Modals that ask before something happens."""
+"""Dialogs that request a confirmation or an input before a command is sent."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ConfirmScreen(GuardedModal[bool]):
 
 
 class ReleaseScreen(GuardedModal[bool]):
-    """The release of the stop takes a typed word, and a robot that is heard and whose button is out."""
+    """The release of the stop takes a typed word, and messages from a robot whose button is out."""
 
     heading = "Release the software stop"
 

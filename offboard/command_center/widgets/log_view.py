@@ -34,7 +34,7 @@ _LEAD = len("00:00:00 ERROR ") + _MODULE_WIDTH + 12
 
 
 class LogView(ScrollView, can_focus=True):
-    """Shows a `LogBook`. `following` says whether the newest line is kept in sight."""
+    """Shows a `LogBook`. `following` is true while the newest line is kept in sight."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "mark(-1)", "Line up", show=False),
@@ -147,7 +147,7 @@ class LogView(ScrollView, can_focus=True):
             self.following = True
         elif fallen:
             self.scroll_to(y=max(0, self.scroll_offset.y - fallen), animate=False, immediate=True, force=True)
-        # Textual tells a scroll bar only once it is there
+        # Textual does not move a scroll bar that is not shown yet
         self.vertical_scrollbar.position = self.scroll_y
         self._retitle()
         self.refresh()

@@ -42,7 +42,7 @@ def _sign(raster: Raster, row: int, column: int, pair: tuple[int, int], live: bo
 
 
 class MapPanel(Static):
-    """Draws what it is given as large as it is."""
+    """Draws the floor picture as large as the panel."""
 
     def __init__(self) -> None:
         super().__init__(id="map", markup=False)

@@ -26,7 +26,7 @@ _UNIT = 1024
 
 
 def age_text(age_s: float) -> str:
-    """Short; an age of a live value is no news."""
+    """The age in the largest unit that fits, to save width."""
     if age_s < 60:
         return f"{age_s:.1f} s"
     return f"{age_s / 60:.0f} min" if age_s < 3600 else f"{age_s / 3600:.0f} h"
@@ -37,13 +37,13 @@ def memory_text(memory_kb: int) -> str:
 
 
 def cells(row: ModuleRow) -> tuple[Text, ...]:
-    """What the row shows, in the order of COLUMNS. What is old is dimmed and says so."""
+    """What the row shows, in the order of COLUMNS. An old value is dimmed and marked as old."""
     status, fresh = row.status, row.freshness
     old = _DIM if fresh is not Freshness.LIVE else ""
     name = Text(row.module.replace("_", " "), style=old or "bold")
     code = Text(_CODES.get(row.module, ""), style=_DIM)
     if status is None:
-        return name, code, Text("–", _DIM), Text("never heard", _DIM), Text("–", _DIM), Text("–", _DIM), Text("")
+        return name, code, Text("–", _DIM), Text("no message", _DIM), Text("–", _DIM), Text("–", _DIM), Text("")
     state = Text(status.state, style=old or ("" if status.ready else "#e3b341"))
     memory = Text(memory_text(status.memory_kb), style=old, justify="right")
     rate = Text(f"{row.rate_hz:.0f} Hz", style=old, justify="right")

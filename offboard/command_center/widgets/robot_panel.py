@@ -1,4 +1,4 @@
-"""What the robot does and where it is. A position that is old is the last known one and says how old."""
+"""What the robot does and where it is. An old position is shown as the last known one, with its age."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def drive_lines(snapshot: Snapshot) -> list[Text]:
 def permit_line(snapshot: Snapshot) -> Text:
     permit = snapshot.permit
     if permit is None or not snapshot.report.linked(snapshot.now_s):
-        return _line("Permit", "not heard", _OLD)
+        return _line("Permit", "not received", _OLD)
     if permit.granted:
         return _line("Permit", "granted", "bold #7ee787")
     return _line("Permit", "none", "bold #ff7b72", permit.reason, "#e3b341")

@@ -1,4 +1,4 @@
-"""The bar on top of every screen: the software stop, what the robot says about it, and the link."""
+"""The bar on top of every screen: the software stop, what the robot reports about it, and the link."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RED_BUTTON = "use the red button on the robot"
 _FREE = {
     Look.IDLE: "No stop is latched",
     Look.RELEASED: "Released – nothing moves before a resume (r)",
-    Look.UNKNOWN: "comm waits to hear which stop the Arduino knows – nothing moves",
+    Look.UNKNOWN: "comm waits for the Arduino to report its stop – nothing moves",
 }
 
 
@@ -39,18 +39,18 @@ def bar_text(snapshot: Snapshot) -> BarText:
     look = snapshot.look
     if look is Look.LINK_LOST:
         silent_s = now_s - report.permit_s
-        headline = "LINK LOST" if silent_s < float("inf") else "NO ROBOT HEARD YET"
-        since = f"nothing heard for {silent_s:.0f} s" if silent_s < float("inf") else "waiting for the mesh"
+        headline = "LINK LOST" if silent_s < float("inf") else "NO MESSAGE FROM THE ROBOT YET"
+        since = f"nothing received for {silent_s:.0f} s" if silent_s < float("inf") else "waiting for the mesh"
         if control.demand is Demand.STOP:
             headline = f"{headline} · STOP NOT CONFIRMED {waiting_s:.1f} s"
         return BarText(look, headline, f"{since}; {RED_BUTTON} if it moves")
     if look is Look.SENT:
-        speed = f"speed {abs(report.speed_m_s):.2f} m/s" if report.wheels_known(now_s) else "wheels not heard"
+        speed = f"speed {abs(report.speed_m_s):.2f} m/s" if report.wheels_known(now_s) else "wheel speed unknown"
         return BarText(look, f"SENT – NOT CONFIRMED {waiting_s:.1f} s", f"{speed}; {RED_BUTTON} if it does not stop")
     if look is Look.LATCHED:
         return _latched(snapshot)
     wheels = "standing" if report.standing else f"driving {abs(report.speed_m_s):.2f} m/s"
-    return BarText(look, _FREE[look], wheels if report.wheels_known(now_s) else "wheels not heard")
+    return BarText(look, _FREE[look], wheels if report.wheels_known(now_s) else "wheel speed unknown")
 
 
 def _latched(snapshot: Snapshot) -> BarText:
@@ -59,7 +59,7 @@ def _latched(snapshot: Snapshot) -> BarText:
     if control.demand is Demand.RELEASE:
         return BarText(Look.LATCHED, "LATCHED – release sent, not confirmed", held_by)
     if not report.wheels_known(snapshot.now_s):
-        return BarText(Look.LATCHED, "LATCHED – wheels not heard", f"{held_by}; {RED_BUTTON} if it moves")
+        return BarText(Look.LATCHED, "LATCHED – wheel speed unknown", f"{held_by}; {RED_BUTTON} if it moves")
     speed = f"speed {abs(report.speed_m_s):.2f}"
     if not report.standing:
         return BarText(Look.LATCHED, f"LATCHED – wheels turn, {speed}", f"{held_by}; {RED_BUTTON}")

@@ -144,7 +144,7 @@ class World:
         self._write_inputs()
 
     def push_stop_button(self) -> None:
-        """A person pushes the stop button: it latches, or comes out again."""
+        """Pushes the stop button: it latches, or unlatches."""
         self._stop_button = not self._stop_button
         self.board.stop_button(self._stop_button)
 

@@ -1,5 +1,5 @@
 // Mouse, touch and keys on the map -> the view. Wheel and pinch zoom, two fingers turn, dragging moves; with the ruler
-// in hand, dragging measures. `MapView.mode` says whether the view still looks after itself.
+// in hand, dragging measures. `MapView.mode`: "fit" and "follow" move the view by themselves, "free" does not.
 
 const WHEEL = 0.0015; // per pixel of wheel
 const TURN = Math.PI / 12;

@@ -3,7 +3,7 @@
 
 const RETRY_FIRST_MS = 300;
 const RETRY_MAX_MS = 2000;
-const SILENT_MS = 3000; // a socket that says nothing for so long is dead, whatever it says of itself
+const SILENT_MS = 3000; // a socket without a message for so long counts as lost, even while the browser shows it as open
 
 function decode(data) {
   if (typeof data === "string") return JSON.parse(data);

@@ -40,7 +40,7 @@ export class MapView {
     this.draw();
   }
 
-  // Keeps the present grid when it is asked for the next one before it is done
+  // Keeps the present grid when the next one is requested before it is done
   redecode() {
     const grid = this.model.grid;
     if (!grid || this.decoding) return;

@@ -53,7 +53,7 @@ export class Model {
     return box;
   }
 
-  // A restarted server may not have heard of it yet, while this page has
+  // A restarted server may not have received it yet, while this page has
   #fresh(name, age) {
     if (age !== null) this.since[name] = seconds() - age;
   }

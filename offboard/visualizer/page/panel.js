@@ -1,4 +1,4 @@
-// Everything in words beside the map: link, mission, figures, modules. Ages are said anew several times a second.
+// Everything in words beside the map: link, mission, figures, modules. Ages are updated several times a second.
 
 import { STALE_S } from "./model.js";
 

@@ -1,4 +1,4 @@
-// How a point of interest is said in words. Never by colour alone: each state has its sign.
+// The text for a point of interest. Colour is never the only sign: each state has its own symbol.
 
 export const STATES = {
   read: { sign: "✓", text: "Read" },

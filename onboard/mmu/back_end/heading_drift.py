@@ -1,4 +1,4 @@
-"""Heading drift shown by walls: do they seem to turn as the robot drives along them? Then it is odometry that turns.
+"""Heading drift measured by walls: if walls seem to turn as the robot drives along them, odometry's heading drifts.
 
 The direction in which one thing echoes stays while a robot drives past straight walls, whatever their directions are.
 Corners and door jambs turn, but those on the left against those on the right.

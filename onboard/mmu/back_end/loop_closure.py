@@ -58,7 +58,7 @@ class Attempt:
         return next((name for name, failed in gates.items() if failed), None)
 
     def line(self, verdict: str, chi2: float | None = None) -> str:
-        """For the log: each figure beside its gate."""
+        """One line for the log: each figure beside its gate."""
         text = f"loop closure {verdict} anchor={self.anchor} node={self.node}"
         if self.match is not None:
             text += (

@@ -1,7 +1,7 @@
 """Where in the beam did the wall echo? Samples of one thing along the path -> its direction and normal.
 
 A wall echoes in a beam of half width w at its perpendicular foot when the foot lies in the beam, else (a narrow beam, a
-pencil of light) where the beam's nearer edge meets it. So, for a wall with normal n at distance d from the robot and a
+laser) where the beam's nearer edge meets it. So, for a wall with normal n at distance d from the robot and a
 beam that looks along b:
 
     range * cos(max(|n - b| - w, 0)) = d

@@ -1,4 +1,4 @@
-"""How well the robot knows where it is in the map."""
+"""Uncertainty of the robot's pose in the map."""
 
 from __future__ import annotations
 

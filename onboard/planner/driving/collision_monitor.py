@@ -24,7 +24,7 @@ REACTION_S = 0.25  # age of a range and of a command
 BRAKING_M_S2 = 0.3
 BLOCKED_S = 1.2  # standing in front of it for so long makes it an obstacle
 CLEAR_S = 0.3  # a single lost echo is no all-clear
-BACK_OFF_S = 1.3  # requested; the firmware judges how much floor there is behind
+BACK_OFF_S = 1.3  # requested; the firmware limits how far back the robot drives
 AHEAD = (SONAR_FRONT, SONAR_FRONT_LEFT, SONAR_FRONT_RIGHT)
 
 

@@ -1,4 +1,4 @@
-"""Standing turned to a heading until ranges and grid have caught up: pose and time in, whether that is over out."""
+"""Standing at a heading until ranges and grid are up to date: pose and time in, whether that is complete out."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Looking:
         self._since_s, self._settled_s = now_s, inf
 
     def over(self, pose: Pose2, now_s: float) -> bool:
-        """Was everything looked at, as far as the robot could turn to it?"""
+        """Is the look complete, or its time for turning over?"""
         if self._settled_s == inf and abs(wrap_angle(self.heading_rad - pose.heading_rad)) < HEADING_REACHED_RAD:
             self._settled_s = now_s
         if now_s - self._since_s <= TURN_TIMEOUT_S and now_s - self._settled_s <= LOOK_S:

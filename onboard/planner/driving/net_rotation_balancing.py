@@ -1,7 +1,7 @@
-"""Which way round to turn about: the one that leaves the smallest net rotation.
+"""The direction of a half turn: the one that leaves the smallest net rotation.
 
-The scale of a cheap gyro is off by parts of a percent: a robot that turned right three times more often than left does
-not know its heading to some degrees. Where both ways round are about as long, one of them takes that back.
+The scale of a cheap gyro is off by a fraction of a percent: after three more full turns to the right than to the left
+the heading is wrong by some degrees. Where both directions of a turn are about as long, one of them cancels that.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from math import copysign, pi, radians
 from common.geometry import wrap_angle
 
 LONG_TURN_MAX_RAD = radians(240.0)
-AHEAD_RAD = radians(120.0)  # of the robot at most, lest a command to turn left be taken for one to turn right
+AHEAD_RAD = radians(120.0)  # at most: near 180 degrees the direction of a turn is ambiguous
 
 
 class NetRotationBalancing:

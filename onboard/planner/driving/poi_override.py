@@ -1,7 +1,7 @@
 """Table P2.0: the POI module may hold the robot, send it back a little, and let it go on; else the mission decides.
 
-A request while the Carrier turns is ignored, as the specification demands; a hold that nobody ends, ends by itself. How
-far back there is floor that the robot knows, the firmware judges: it stands where that ends.
+A request while the Carrier turns is ignored, as the specification demands; a hold ends by itself after a
+while. The firmware limits how far back the robot drives: only over floor driven just now.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def after(state: Override, command: PoiCommand, now_s: float, turning: bool) -> 
 
 
 def speed(state: Override, now_s: float) -> Speed | None:
-    """What the override requests of the Carrier; None where the mission decides."""
+    """The speed that the override commands; None where the mission decides."""
     if state.command is PoiCommand.CONTINUE or now_s - state.since_s > HOLD_MAX_S:
         return None
     return Speed.REVERSE if state.command is PoiCommand.REVERSE else Speed.STOP

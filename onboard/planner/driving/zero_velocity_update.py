@@ -1,4 +1,4 @@
-"""Standing still now and then, so that the gyro's bias is measured anew.
+"""Zero-velocity update: standing still now and then, so that the gyro's bias is measured anew.
 
 The bias of a cheap gyro wanders while the robot drives: without a rest its heading is off by half a degree after one
 minute and by several after five, and nothing but walls would show it. What is lost between two rests grows with the

@@ -46,13 +46,13 @@ class FrontierManager:
             self.groups = frontiers.groups(view.grid, self.frontier)
 
     def judge_anew(self) -> None:
-        """With the next tick, whether its grid is new or not."""
+        """The next tick reads its grid anew, even if it is the same."""
         self._grid_seen = -1
 
     def meet(self, x_m: float, y_m: float, now_s: float) -> None:
         """Something stands here that the map does not know: plan around it for a while."""
         self._obstacles.add(x_m, y_m, now_s)
-        # Most often this is a wall that was met at a slant and not yet placed: nothing is to be found behind it
+        # Most often this is a wall that was approached obliquely and is not on the map yet: no frontier lies behind it
         self._memory.defer(x_m, y_m)
         self.judge_anew()
 
@@ -65,8 +65,8 @@ class FrontierManager:
         self._memory.mark_visited(x_m, y_m)
 
     def exhausted(self, now_s: float) -> bool:
-        """Nothing of the list could be driven to: is that so for good? Where it may not be, all is judged anew."""
-        # An obstacle may hide a path: nothing is inferred before it is forgotten
+        """Called when no path leads to the list: is it empty for good? If that is uncertain, the grid is read anew."""
+        # An obstacle may hide a path: it must be forgotten first
         self._empty_lists += 0 if self._obstacles.may_hide_a_path(now_s) else 1
         if self._empty_lists < LIST_PATIENCE or self._memory.try_again():
             self.judge_anew()
@@ -79,7 +79,7 @@ class FrontierManager:
         return self._memory.second_try
 
     def renew_patience(self) -> None:
-        """There was something to drive to."""
+        """Called when there was something to drive to: the count of empty lists begins again."""
         self._empty_lists = 0
 
     def straight_reach_m(self, view: View, pose: Pose2) -> float:

@@ -54,7 +54,7 @@ class Junction:
         """P3.0: the right-most of the branches, given by their headings, that shows new floor; None where none does."""
         found = {turn: self._judged(view, frontiers, turn, rad) for turn, rad in headings_rad.items()}
         open_turns = {turn for turn, judged in found.items() if judged is Branch.NEW}
-        # A branch that was chosen is driven before the next choice, or the robot would go round and round on the spot
+        # A branch that was chosen is driven before the next choice: otherwise the robot would keep turning on the spot
         forward = Turn.FORWARD in open_turns and not self._choice_due
         self._choice_due = False
         turn = Turn.FORWARD if forward else decide(open_turns)

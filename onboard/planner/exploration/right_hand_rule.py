@@ -1,4 +1,7 @@
-"""The specification's tables as pure functions: P1.0 keeps the distance to the walls, P3.0 decides at a junction."""
+"""The specification's tables as pure functions: P1.0 keeps the distance to the walls, P3.0 decides at a junction.
+
+Which branches are open is found by `junction.Junction.choose`, which calls `decide`.
+"""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class WallImaging:
         self._add(grid, pose)
 
     def settle(self, grid: GridMap, pose: Pose2) -> None:
-        """Whatever can be seen from here is as well seen as it will ever be: no more visits for its sake."""
+        """Counts all walls in view from here as seen, even at a bad angle: they are not visited again."""
         near = grid.window(pose.x_m, pose.y_m, CAMERA_RANGE_M)
         self._keep(near, _in_view(near, pose)[0])
 

@@ -23,7 +23,7 @@ Part = tuple[slice, slice]  # rows, columns
 
 
 class GridError(ValueError):
-    """This message is no grid: one sentence says why."""
+    """This message is no grid; the message is one sentence with the reason."""
 
 
 class GridReader:

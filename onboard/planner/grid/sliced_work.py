@@ -15,7 +15,7 @@ SLICE = 40_000  # an ordinary floor is searched in one slice
 
 
 class Sliced(Generic[T]):
-    """Work that is not complete yet. `result` once `advance` has said that it is done."""
+    """Work that is not complete yet. `result` is valid once `advance` has returned True."""
 
     result: T
 

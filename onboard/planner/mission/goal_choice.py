@@ -38,7 +38,10 @@ class Goal:
 
 
 class GoalChoice:
-    """Every answer is work in slices: a large floor takes more than one step."""
+    """Chooses the next goal, in slices: on a large floor a choice takes more than one step.
+
+    Decides when exploration is complete: `_of_list` returns `Event.EXPLORED` where no side hall and no wall is left.
+    """
 
     def __init__(self, frontier_manager: FrontierManager, hall: HallFollowing, imaging: WallImaging | None) -> None:
         self.junction = Junction()

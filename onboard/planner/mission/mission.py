@@ -1,7 +1,7 @@
 """The mission: explore by the right-hand rule and the list of side halls, come home, stop.
 
 Its `step` takes pose, grid, wall points and distances ten times a second and returns the motion that it wants. What was
-seen and chosen becomes an event; which mode follows, `table` says alone.
+seen and chosen becomes an event; `table` alone decides which mode follows.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ OBSTRUCTION_NEAR_M = 1.5
 
 
 class Mission:
-    """`step` returns the wanted motion; `mode`, `groups` and `path` show people what it is about."""
+    """`step` returns the wanted motion; `mode`, `groups` and `path` show people its state."""
 
     def __init__(self, images_walls: bool = False) -> None:
         """`images_walls`: there is a camera, and every wall shall have been on its right."""
@@ -72,7 +72,7 @@ class Mission:
 
     @property
     def deliberates(self) -> bool:
-        """It has not yet found out where to go next: the sooner its next step the better, on the same grid."""
+        """A choice or a path is not complete yet: the next step continues it, on the same grid."""
         return self._deliberation is not None
 
     def take_notes(self) -> list[str]:
@@ -103,7 +103,7 @@ class Mission:
             self._target, self._retake_rad = (pose.x_m, pose.y_m), pose.heading_rad
 
     def end_detour(self, heading_rad: float, now_s: float) -> None:
-        """Nobody wants that photo any more."""
+        """That photo is no longer wanted: explore again."""
         if self.mode is Mode.RETAKE:
             self._look(Event.DETOUR_OVER, heading_rad, now_s)
 

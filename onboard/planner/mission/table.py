@@ -43,7 +43,7 @@ ENDED = {
 
 
 class Event(Enum):
-    """What may happen; the value says it in a word or two."""
+    """What may happen; the value is a short text for people."""
 
     # An operator's, or poi's
     START = "start"
@@ -97,7 +97,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """In these modes the event leads to mode `to`, None = it stays. `refused` says why it does nothing instead."""
+    """In these modes the event leads to mode `to`, None = it stays. A row with `refused`, the reason, has no effect."""
 
     event: Event
     modes: tuple[Mode, ...]
@@ -167,8 +167,8 @@ NOT_PAUSED = "Nothing is paused."
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """The state after an event; `moves`: a mode was entered, be it the same one again. `refused`: the event does
-    nothing, and `note` says why. Else `note` is what its sender should read, mostly nothing."""
+    """The state after an event; `moves`: a mode was entered, be it the same one again. `refused`: the event has
+    no effect, and `note` is the reason. Else `note` is a hint for its sender, mostly empty."""
 
     state: State
     moves: bool = False

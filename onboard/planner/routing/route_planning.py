@@ -1,4 +1,4 @@
-"""Paths over the known floor: Dijkstra's shortest paths that like the middle of a hall, and string pulling."""
+"""Paths over the known floor: Dijkstra's shortest paths that prefer the middle of a hall, and string pulling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading takes longer than a step and must not delay it: jobs in, readings out some steps later.
+"""OCR beside the steps, since it takes longer than one: jobs in, readings out some steps later.
 
 On the robot a thread of low priority reads. In lockstep, where nothing may depend on this machine's speed, a job is
 done at once and its reading is handed out after a fixed time.
@@ -36,7 +36,7 @@ _log = logging.getLogger("poi")
 
 
 class Reader(Protocol):
-    """What finds text; `sign_reading.SignReader`."""
+    """An OCR engine, as `sign_reading.SignReader` implements it."""
 
     def lines(self, image: Image) -> list[TextLine]:
         """All lines of text, with their places in pixels of `image`."""

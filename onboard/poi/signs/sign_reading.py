@@ -62,7 +62,7 @@ class TextLine:
 
 
 class Verdict(Enum):
-    """What `SignRules.judge` takes a sign for."""
+    """The class of a sign, as `SignRules.judge` decides it."""
 
     PLATE = "plate"
     UNCLEAR = "unclear"  # a plate by its looks, but not legible; worth another photo
@@ -145,7 +145,7 @@ def signs(lines: Sequence[TextLine]) -> list[list[TextLine]]:
 
 @dataclass(frozen=True, slots=True)
 class SignRules:
-    """The site's own: format of its room numbers, and the room types that it writes on plates."""
+    """Plate or poster, by the site's format of room numbers and its list of room types."""
 
     number: re.Pattern[str]
     room_types: tuple[str, ...]

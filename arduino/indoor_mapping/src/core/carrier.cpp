@@ -209,7 +209,7 @@ void Carrier::drive_wheels(const Odometry& odometry) {
     if (mode_ == kIdle) speed_q8_ = rate_cdps_ = 0;
     return;
   }
-  // The encoders tell how fast the robot goes, the gyro how fast it turns: a wheel that slips deceives only its encoder
+  // The encoders measure how fast the robot goes, the gyro how fast it turns: a wheel that slips deceives only its encoder
   const int32_t left_q8 = odometry.wheel_speed_q8(false), right_q8 = odometry.wheel_speed_q8(true);
   const int32_t middle_q8 = (left_q8 + right_q8) / 2, turning_q8 = wheel_q8(odometry.gyro().rate_cdps());
   const int32_t apart_q8 = wheel_q8(rate_cdps_);

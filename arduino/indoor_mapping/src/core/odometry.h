@@ -41,7 +41,7 @@ class Gyro {
     float with_yaw_s;       // covariance of yaw and bias, in the same
     int64_t yaw;            // counts * 2^8 * us
   };
-  Learned now_, before_;  // what would be known if this stand had told nothing
+  Learned now_, before_;  // what would be known without this standstill
   bool turned_;
   int32_t rate_q16_;      // counts, bias removed
 };
@@ -51,9 +51,9 @@ class Odometry {
   Odometry();
   // Every control tick
   void update(hal::Hal& hardware, uint32_t now_us, bool motors_off);
-  // A new reading of the left or right sonar, 0 = nothing heard
+  // A new reading of the left or right sonar, 0 = no echo
   void hear_wall(bool right, uint16_t range_mm) { walls_.hear(right, range_mm); }
-  // What gyro and walls tell, and how much of it the walls
+  // The yaw measured by gyro and walls, and the part of it by walls
   int32_t yaw_cdeg() const;
   int32_t yaw_by_walls_cdeg() const { return walls_.yaw_cdeg(); }
   const Gyro& gyro() const { return gyro_; }

@@ -73,7 +73,7 @@ struct Odo {
   int32_t ticks_left;  // cumulative quadrature edges
   int32_t ticks_right;
   int32_t yaw_cdeg;  // 0.01 deg
-  int32_t by_walls_cdeg;  // 0.01 deg, that much of yaw_cdeg is told by walls, the rest by the gyro
+  int32_t by_walls_cdeg;  // 0.01 deg, that much of yaw_cdeg is measured by walls, the rest by the gyro
   int32_t rate_cdps;  // 0.01 deg/s
   int32_t x_mm;  // mm
   int32_t y_mm;  // mm
@@ -97,7 +97,7 @@ inline void write(LineEncoder& line, const Odo& m, uint32_t now_ms) {
 // SIM -> MMU, 10 Hz
 struct Rng {
   int32_t seq;
-  int32_t range_mm[5];  // mm, from the transducer; 0 = nothing heard; left, front left, front, front right, right
+  int32_t range_mm[5];  // mm, from the transducer; 0 = no echo; left, front left, front, front right, right
   int32_t age_ms[5];  // ms, since it was fired
 };
 inline void write(LineEncoder& line, const Rng& m, uint32_t now_ms) {
@@ -109,7 +109,7 @@ inline void write(LineEncoder& line, const Rng& m, uint32_t now_ms) {
 
 // SIM -> PLN, 10 Hz
 struct Dst {
-  int32_t left_mm;  // mm, from the centre of the ring; 0 = nothing heard
+  int32_t left_mm;  // mm, from the centre of the ring; 0 = no echo
   int32_t right_mm;  // mm
   int32_t front_mm;  // mm
 };

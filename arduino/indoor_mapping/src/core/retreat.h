@@ -9,7 +9,7 @@ namespace core {
 
 // A trail of the places that the robot drove forwards over, in its own dead reckoning. A place is forgotten when it is
 // old, when the trail gets longer than half a metre, and when it lies behind no more: driven back over, or turned away
-// from. So nothing that is asked for, in whatever order, leads back beyond the trail.
+// from. So no sequence of commands leads back beyond the trail.
 class Retreat {
  public:
   Retreat();

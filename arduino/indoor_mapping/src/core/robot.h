@@ -24,7 +24,7 @@ class Robot {
   void handle(const Line& line);
   void acknowledge(uint8_t number, int32_t id, bool done);
   void stop(uint8_t source);
-  // Whether what came was said in the newest stop epoch that this board knows, or in a newer one, which it then knows
+  // Whether a message belongs to the newest stop epoch that this board knows, or to a newer one, which it then stores
   bool in_time(int32_t epoch);
   bool release(const Rel& message);
   bool start(const Start& message);
@@ -51,7 +51,7 @@ class Robot {
   Odometry odometry_;
   Carrier carrier_;
   CarState state_;
-  CarSta told_;             // what the last report of the Carrier said
+  CarSta told_;             // the last report of the Carrier
   Stp told_stop_;           // and that of the stop
   uint32_t now_us_, now_ms_;
   uint16_t rest_us_;

@@ -1,4 +1,4 @@
-// The safety state machine: a table and a pure function. Everything that may turn a wheel asks it.
+// The safety state machine: a table and a pure function. Everything that may turn a wheel checks it.
 #pragma once
 #include <stdint.h>
 

@@ -3,7 +3,7 @@
 namespace core {
 namespace {
 
-// Opposite sonars do not hear each other; neighbours would
+// Opposite sonars do not receive each other's echoes; neighbours would
 const uint8_t kGroups = 3;
 const uint8_t kGroupMask[kGroups] = {
     (1 << kLeft) | (1 << kRight),

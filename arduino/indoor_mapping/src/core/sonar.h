@@ -1,4 +1,4 @@
-// Five sonars: who fires when, and what was heard. Pulses in, millimetres out.
+// Five sonars: firing order and echoes. Pulses in, millimetres out.
 #pragma once
 #include <stdint.h>
 
@@ -9,7 +9,7 @@ namespace core {
 
 enum SonarName : uint8_t { kLeft, kFrontLeft, kFront, kFrontRight, kRight };
 
-struct Distances {  // from the centre of the ring, 0 = nothing heard
+struct Distances {  // from the centre of the ring, 0 = no echo
   int32_t left_mm, right_mm, front_mm;
 };
 
@@ -17,9 +17,9 @@ class Sonars {
  public:
   Sonars();
   void update(hal::Hal& hardware, uint32_t now_us);
-  // From the transducer, 0 = nothing heard
+  // From the transducer, 0 = no echo
   uint16_t range_mm(uint8_t sonar) const { return range_mm_[sonar]; }
-  // Whether a reading of that sonar has come since this was asked last
+  // Whether a reading of that sonar has come since the last call
   bool take_news(uint8_t sonar);
   // Since that sonar was fired for the reading
   uint16_t age_ms(uint8_t sonar, uint32_t now_us) const;

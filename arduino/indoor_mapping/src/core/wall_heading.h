@@ -1,4 +1,4 @@
-// Heading by walls: how the readings of a side sonar change beside a straight wall tells how the gyro drifts.
+// Heading by walls: how the readings of a side sonar change beside a straight wall shows how the gyro drifts.
 #pragma once
 #include <stdint.h>
 
@@ -22,9 +22,9 @@ class WallHeading {
   WallHeading();
   // The robot stands: the variance, (rad/s)^2, with which the gyro's bias is known now, and what that told of its yaw
   void stand(float bias_variance, int32_t told_cdeg);
-  // The robot moved, as ticks of both wheels and gyro tell
+  // The robot moved, by the ticks of both wheels and the gyro
   void move(uint32_t dt_us, int32_t ticks, int32_t turn_cdeg);
-  // A new reading of the left or right sonar, 0 = nothing heard
+  // A new reading of the left or right sonar, 0 = no echo
   void hear(bool right, uint16_t range_mm);
   // How much of the yaw is from them, since power-on
   int32_t yaw_cdeg() const;
