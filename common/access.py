@@ -9,6 +9,7 @@ one board trust each other.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from common.messages import LAPTOP_RECORDED, TOPICS, QosProfile, Topic
@@ -63,13 +64,13 @@ def published_keys(role: str) -> list[str]:
     if role == _COMMANDER:
         return [topic.key for topic in TOPICS if topic.is_command]
     modules = ROLES[role]
-    published = [topic.key for topic in TOPICS if topic.producer in modules and not topic.is_command]
+    published = _keys(topic for topic in TOPICS if topic.producer in modules and not topic.is_command)
     return published + [alive_key(module) for module in modules]
 
 
 def subscribed_keys(role: str) -> list[str]:
     """Keys that a role may subscribe, each by itself: people every topic, a board what its modules read."""
-    subscribed = [topic.key for topic in TOPICS if role not in _ON_BOARD or _reads(role, topic)]
+    subscribed = _keys(topic for topic in TOPICS if role not in _ON_BOARD or _reads(role, topic))
     return subscribed + [alive_key("*")] if ROLES[role] else subscribed
 
 
@@ -79,6 +80,11 @@ def queried_keys(role: str) -> list[str]:
     return [
         topic.key for topic in TOPICS if topic in records or (topic.qos is QosProfile.STATE and _reads(role, topic))
     ]
+
+
+def _keys(topics: Iterable[Topic[object]]) -> list[str]:
+    """Of topics, and of the bundles in which they travel."""
+    return list(dict.fromkeys(key for topic in topics for key in (topic.key, topic.bundle_key) if key))
 
 
 def _reads(role: str, topic: Topic[object]) -> bool:

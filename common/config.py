@@ -25,6 +25,7 @@ from common.constants import (
 )
 from common.errors import StartError
 from common.messages import STATUS
+from common.modules import COMPUTERS, OFFBOARD, PACKAGES, on
 from common.rules import Between, Count, Form, Names, Pattern, Rule
 from common.text_file import read_text
 
@@ -36,6 +37,11 @@ _LENGTH_M = Between(0.01, 2.0)
 _TO_OTHERS = Form(rf"(tls/{_HOST}:\d{{1,5}})?", 'leaves this machine, so it must be "tls/HOST:PORT"')
 _ON_LOOPBACK = Form(rf"tcp/{_HOST}:\d{{1,5}}", 'must be "tcp/HOST:PORT"')
 _DOOR_COLOUR = Form(r"H\d{1,3}-\d{1,3} S\d{1,3}-\d{1,3} V\d{1,3}-\d{1,3}", "must be like 'H8-22 S60-255 V30-230'")
+_SHARING = "comm|mmu|planner|poi"
+_PROCESS = Form(
+    rf"({_SHARING})(\+({_SHARING}))*|bridge|{'|'.join(OFFBOARD)}",
+    "must be a module, or several of the robot joined by +; the bridge has a process of its own",
+)
 _LABEL = "[A-Za-z0-9_-]{1,63}"
 
 
@@ -63,6 +69,32 @@ class MeshSection:
     """Where the other machines find comm, e.g. "tls/robot:7449"; empty: all is on this machine."""
     keys: str = ""
     """Folder that `deploy keys` made; empty: everybody on this machine may command."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessesSection:
+    """Which board runs which processes. Modules joined by + share one process and its links."""
+
+    beaglebone: tuple[Annotated[str, _PROCESS], ...] = ("bridge", "comm+mmu+planner")
+    """On the BeagleBone Black."""
+    raspberry: tuple[Annotated[str, _PROCESS], ...] = ("poi",)
+    """On the Raspberry Pi. It can carry the whole robot: then the BeagleBone's list is empty."""
+    laptop: tuple[Annotated[str, _PROCESS], ...] = OFFBOARD
+    """On the laptop, which may ride on the robot and carry its processes as well."""
+
+    @property
+    def every(self) -> tuple[str, ...]:
+        """All processes."""
+        return (*self.beaglebone, *self.raspberry, *self.laptop)
+
+    def of(self, module: str) -> str:
+        """The process that runs a module; the module's own name where none is said to."""
+        return next((process for process in self.every if module in process.split("+")), module)
+
+
+def each_apart() -> ProcessesSection:
+    """Every module in a process of its own."""
+    return ProcessesSection(*(tuple(m for m in on(board) if m in PACKAGES) for board in COMPUTERS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +178,7 @@ class PoiSection:
 class Config:
     robot: RobotSection = field(default_factory=RobotSection)
     mesh: MeshSection = field(default_factory=MeshSection)
+    processes: ProcessesSection = field(default_factory=ProcessesSection)
     bridge: BridgeSection = field(default_factory=BridgeSection)
     wheels: WheelsSection = field(default_factory=WheelsSection)
     sonars: SonarsSection = field(default_factory=SonarsSection)
@@ -211,6 +244,14 @@ def _check(config: Config, file: str) -> None:
             raise ConfigError(
                 f"{file}: mesh.{key} needs mesh.keys, the folder that `indoor-mapping deploy keys` makes."
             )
+
+    modules = [module for process in config.processes.every for module in process.split("+")]
+    twice = next((module for module in modules if modules.count(module) > 1), None)
+    if twice is not None:
+        raise ConfigError(f"{file}: processes names {twice} twice; every module runs once.")
+    missing = [module for module in PACKAGES if module not in modules]
+    if missing:
+        raise ConfigError(f"{file}: processes names no {' and no '.join(missing)}; every module must run somewhere.")
 
 
 def parse_config(text: str, file: str = "robot.toml") -> Config:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from functools import cached_property
 from typing import Annotated, Generic, TypeVar
 
 from common.constants import MAP_RATE_MAX_HZ, PERMIT_RATE_HZ, POSE_RATE_HZ, SENSOR_RATE_HZ, STATUS_RATE_HZ
@@ -61,7 +62,7 @@ from common.fields import (
     Volts,
     Word,
 )
-from common.modules import MODULES, OFFBOARD, ROBOT_SENDERS
+from common.modules import MODULES, OFFBOARD, ROBOT_SENDERS, publisher_of
 
 
 class QosProfile(Enum):
@@ -446,6 +447,12 @@ class Topic(Generic[P]):
     @property
     def producer(self) -> str:
         return self.key.split("/")[0]
+
+    @cached_property
+    def bundle_key(self) -> str:
+        """Where its messages travel, together with others of the same step; empty where each travels by itself."""
+        periodic = self.rate_hz > 0.0 and self.qos in (QosProfile.LATEST, QosProfile.COMMAND)
+        return f"{publisher_of(self.producer)}/bundle" if periodic else ""
 
     @property
     def recorded(self) -> bool:

@@ -17,6 +17,9 @@ class Board(Enum):
     LAPTOP = "laptop"
 
 
+COMPUTERS = (Board.BEAGLEBONE, Board.RASPBERRY, Board.LAPTOP)  # which run processes
+
+
 @dataclass(frozen=True, slots=True)
 class Module:
     name: str  # first part of its topics
@@ -43,6 +46,11 @@ _BEYOND_SPECIFICATION = ("bridge", "recorder")
 SPECIFIED = tuple(module for module in MODULES if module.name not in _BEYOND_SPECIFICATION)
 CODES = {module.name: module.code for module in MODULES}
 PACKAGES = {module.name: module.package for module in MODULES if module.package}
+
+
+def publisher_of(module: str) -> str:
+    """Whose process publishes a module's topics: the bridge's for the firmware's, else its own."""
+    return module if module in PACKAGES else "bridge"
 
 
 def on(*boards: Board) -> tuple[str, ...]:

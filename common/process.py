@@ -1,4 +1,4 @@
-"""One process = one node: arguments, configuration, log, clock, signals, the rate of its steps, and its exit code.
+"""A process of one node, or of several: arguments, configuration, log, clock, signals, and its exit code.
 
 Exit codes: 0 ended as ordered, 1 unexpected error (in the log), 2 cannot begin as ordered (one sentence on stderr).
 """
@@ -7,65 +7,38 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import json
 import logging
 import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
 import zenoh
 
-from common.alarm import Alarm
 from common.bus import Bus
 from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
 from common.config import Config, load_config
 from common.errors import StartError, sentence
-from common.messages import CLOCK, CLOCK_ACK, LOG, ClockAck, ClockTick
-from common.node import Agenda, FileNode, Node
+from common.messages import CLOCK, CLOCK_ACK, ClockAck, ClockTick
+from common.node import Node
+from common.node_loop import NodeLoop
 from common.process_log import BusLogHandler, set_up_log
 from common.zenoh_bus import ZenohBus
+from common.zenoh_end import ZenohEnd
 from common.zenoh_log import OF_A_PEER, OF_A_ROUTER, ZenohOutput
-from common.zenoh_session import Mode
+from common.zenoh_session import ROBOT_ROUTER, Mode, lease_s
 
 _PR_SET_PDEATHSIG = 1
-_CATCH_UP_S = 0.1  # a node that is later than this, and than five periods, logs it
-_STEPS_KEPT = 50_000  # of the newest steps, for the percentile
 _LOOP_END_S = 2.0
-STEPS_SUFFIX = ".steps.json"
 
 Factory = Callable[[Config, argparse.Namespace], Node]
 # Runs on the main thread while the node's loop runs on another one (a terminal UI); returns the exit code. It must
 # return soon after the event is set: then the process shall end, or the node's loop has failed.
 Foreground = Callable[[Node, Bus, threading.Event], int]
-
-
-class StepTimer:
-    """How long the steps of a node took, in `<name>.steps.json` at the end."""
-
-    def __init__(self) -> None:
-        self._recent_s = np.zeros(_STEPS_KEPT, np.float32)  # a ring, whole from the beginning: memory does not grow
-        self._count, self._sum_s, self._max_s = 0, 0.0, 0.0
-
-    def add(self, duration_s: float) -> None:
-        self._recent_s[self._count % _STEPS_KEPT] = duration_s
-        self._count += 1
-        self._sum_s += duration_s
-        self._max_s = max(self._max_s, duration_s)
-
-    def write(self, file: Path) -> None:
-        """Nothing when there was no step; raises OSError."""
-        if not self._count:
-            return
-        p99_s = float(np.percentile(self._recent_s[: self._count], 99))
-        figures = {"mean_ms": self._sum_s / self._count, "p99_ms": p99_s, "max_ms": self._max_s}
-        content = {name: round(1000 * value_s, 4) for name, value_s in figures.items()} | {"count": self._count}
-        file.write_text(json.dumps(content) + "\n", encoding="utf-8")
 
 
 def argument_parser(name: str) -> argparse.ArgumentParser:
@@ -91,109 +64,125 @@ def run(
 ) -> int:
     """Runs one node until SIGTERM, SIGINT, an error or the end of its foreground; returns the exit code."""
     arguments = (parser or argument_parser(name)).parse_args(argv)
-    if arguments.parent is not None:
-        _end_with(arguments.parent)
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
-    log = logging.getLogger(name)
-    node: Node | None = None
-    bus: ZenohBus | None = None
-    code, clean = 0, True
-    steps = StepTimer()
-    try:
-        # A foreground owns the terminal: no log line may appear there
-        bus_log = set_up_log(name, arguments.log_dir, to_terminal=foreground is None)
-        zenoh_output: ZenohOutput | None = None
-        if foreground is None:
-            zenoh_output = ZenohOutput()
-            zenoh.init_log_from_env_or(OF_A_ROUTER if mode == "router" else OF_A_PEER)
-        config = load_config(arguments.config)
-        node = factory(config, arguments)
-        clock = _make_clock(arguments, leads_clock)
-        bus = ZenohBus(name, config, clock, mode)
-        _join_clock(clock, bus, name)
-        log.info("started pid=%d config=%s", os.getpid(), arguments.config)
-        loop = partial(_loop, node, bus, clock, stop, bus_log, zenoh_output, steps)
-        if foreground is None:
-            loop()
-        else:
-            code = _run_beside(loop, partial(foreground, node, bus, stop), stop)
-        log.info("ended")
-    except Exception as error:
-        code = 2 if bus is None and isinstance(error, (StartError, OSError)) else 1
-        if code == 2:
-            sys.stderr.write(f"{name}: {sentence(error)}\n")
-        if code == 1 or arguments.log_dir is not None:
-            log.error("cannot go on", exc_info=error)
-    finally:
+    return _Process(name, {name: factory}, arguments, mode, leads_clock).run(foreground)
+
+
+def run_together(name: str, factories: Mapping[str, Factory], argv: list[str] | None = None) -> int:
+    """Runs several nodes in one process `name`, each in a thread of its own, until SIGTERM, SIGINT or an error of one.
+
+    They share one session: the router's, where comm is among them.
+    """
+    arguments = argument_parser(name).parse_args(argv)
+    mode: Mode = "router" if ROBOT_ROUTER in factories else "peer"
+    return _Process(name, factories, arguments, mode, leads_clock=False).run(None)
+
+
+class _Process:
+    def __init__(
+        self,
+        name: str,
+        factories: Mapping[str, Factory],
+        arguments: argparse.Namespace,
+        mode: Mode,
+        leads_clock: bool,
+    ) -> None:
+        self._name, self._factories, self._arguments = name, factories, arguments
+        self._mode, self._leads_clock = mode, leads_clock
+        self._stop = threading.Event()
+        self._end: ZenohEnd | None = None
+        self._loops: list[NodeLoop] = []
+
+    def run(self, foreground: Foreground | None) -> int:
+        if self._arguments.parent is not None:
+            _end_with(self._arguments.parent)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: self._stop.set())
+        log = logging.getLogger(self._name)
+        folder: Path | None = self._arguments.log_dir
+        code, clean = 0, True
         try:
-            if node is not None:
-                node.close()
-            if arguments.log_dir is not None:
-                steps.write(arguments.log_dir / f"{name}{STEPS_SUFFIX}")
+            # A foreground owns the terminal: no log line may appear there
+            bus_log = set_up_log(self._name, tuple(self._factories), folder, to_terminal=foreground is None)
+            self._open(bus_log, zenoh_to_log=foreground is None)
+            log.info("started pid=%d config=%s", os.getpid(), self._arguments.config)
+            code = self._step_all(foreground)
+            log.info("ended")
+        except Exception as error:
+            code = 2 if self._end is None and isinstance(error, (StartError, OSError)) else 1
+            if code == 2:
+                sys.stderr.write(f"{self._name}: {sentence(error)}\n")
+            if code == 1 or folder is not None:
+                log.error("cannot go on", exc_info=error)
         finally:
-            clean = bus is None or bus.close()
-    if not clean:
-        # Zenoh still waits for a frozen neighbour; its threads must not meet an interpreter that is being taken down
-        logging.shutdown()
-        os._exit(code)
-    return code
+            try:
+                for loop in self._loops:
+                    loop.close(folder)
+            finally:
+                clean = self._end is None or self._end.close()
+        if not clean:
+            # Zenoh still waits for a frozen neighbour; its threads must not meet an interpreter that is being taken
+            # down
+            logging.shutdown()
+            os._exit(code)
+        return code
 
+    def _open(self, bus_log: BusLogHandler, *, zenoh_to_log: bool) -> None:
+        zenoh_output: ZenohOutput | None = None
+        if zenoh_to_log:
+            zenoh_output = ZenohOutput()
+            zenoh.init_log_from_env_or(OF_A_ROUTER if self._mode == "router" else OF_A_PEER)
+        config = load_config(self._arguments.config)
+        nodes = [factory(config, self._arguments) for factory in self._factories.values()]
+        clocks = [_make_clock(self._arguments, self._leads_clock) for _ in nodes]
+        session = ROBOT_ROUTER if ROBOT_ROUTER in self._factories else next(iter(self._factories))
+        self._end = ZenohEnd(session, config, self._mode, lease_s(session, clocks[0].lease_s), tuple(self._factories))
+        for node, clock in zip(nodes, clocks, strict=True):
+            bus = ZenohBus(node.name, config, clock, self._mode, self._end)
+            _join_clock(clock, bus, node.name)
+            # One of them logs for all what Zenoh writes
+            self._loops.append(NodeLoop(node, bus, clock, bus_log, None if self._loops else zenoh_output))
 
-def _run_beside(loop: Callable[[], None], foreground: Callable[[], int], stop: threading.Event) -> int:
-    """The loop in a thread, the foreground here; what the loop dies of is raised here."""
-    failures: list[Exception] = []
-
-    def guarded() -> None:
+    def _step_all(self, foreground: Foreground | None) -> int:
+        """The loops, each in a thread of its own where there is more than one thing to run; the foreground here."""
+        if foreground is None and len(self._loops) == 1:
+            self._loops[0].run(self._stop)
+            return 0
+        failures: list[Exception] = []
+        threads = [
+            threading.Thread(target=self._step_one, args=(loop, failures), name=loop.node.name, daemon=True)
+            for loop in self._loops
+        ]
+        for thread in threads:
+            thread.start()
         try:
-            loop()
+            code = 0
+            if foreground is not None:
+                code = foreground(self._loops[0].node, self._loops[0].bus, self._stop)
+            else:
+                self._stop.wait()
+        finally:
+            self._stop.set()
+            deadline_s = time.monotonic() + _LOOP_END_S
+            for thread in threads:
+                thread.join(max(0.0, deadline_s - time.monotonic()))
+        if failures:
+            raise failures[0]
+        return code
+
+    def _step_one(self, loop: NodeLoop, failures: list[Exception]) -> None:
+        _name_thread(loop.node.name)
+        try:
+            loop.run(self._stop)
         except Exception as error:
             failures.append(error)
         finally:
-            stop.set()
-
-    thread = threading.Thread(target=guarded, name="node", daemon=True)
-    thread.start()
-    try:
-        code = foreground()
-    finally:
-        stop.set()
-        thread.join(_LOOP_END_S)
-    if failures:
-        raise failures[0]
-    return code
+            self._stop.set()
 
 
-def _loop(
-    node: Node,
-    bus: ZenohBus,
-    clock: Clock,
-    stop: threading.Event,
-    bus_log: BusLogHandler,
-    zenoh_output: ZenohOutput | None,
-    steps: StepTimer,
-) -> None:
-    log = logging.getLogger(node.name)
-    alarm = Alarm(node.fileno) if isinstance(node, FileNode) else Alarm()
-    bus.wake_on(node.wakes_on, alarm.ring)
-    agenda = Agenda(node, clock.begin(stop))
-    late = False
-    while True:
-        now_s = clock.wait(agenda, alarm, stop)
-        if stop.is_set():
-            return
-        alarm.reset()
-        was_late, late = late, now_s - agenda.due_s > max(_CATCH_UP_S, 5 * node.period_s)
-        if late and not was_late:
-            log.warning("late behind_s=%.3f period_s=%.3f", now_s - agenda.due_s, node.period_s)
-        began_s = time.perf_counter()
-        agenda.stepped(now_s, node.step(bus, now_s))
-        steps.add(time.perf_counter() - began_s)
-        if zenoh_output is not None:
-            zenoh_output.report(now_s)
-        if node.name in LOG:
-            bus_log.flush_to(bus, node.name, now_s)
+def _name_thread(name: str) -> None:
+    """For those who look at the machine: Python 3.11 keeps a thread's name to itself."""
+    with suppress(OSError):
+        Path(f"/proc/self/task/{threading.get_native_id()}/comm").write_text(name[:15], encoding="utf-8")
 
 
 def _make_clock(arguments: argparse.Namespace, leads: bool) -> Clock:

@@ -9,6 +9,7 @@ import logging
 import logging.handlers
 import time
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -21,18 +22,23 @@ _LINES_FOR_BUS = 200
 
 
 class BusLogHandler(logging.Handler):
-    """Keeps log records for the node's own thread to publish as `LOG[module]`."""
+    """Keeps log records for the nodes' own threads to publish as `LOG[module]`.
 
-    def __init__(self) -> None:
+    A record belongs to the module whose thread wrote it; what other threads write, to the first one.
+    """
+
+    def __init__(self, modules: Sequence[str]) -> None:
         super().__init__(logging.INFO)
-        self._records: deque[tuple[str, str]] = deque(maxlen=_LINES_FOR_BUS)
+        self._records: dict[str, deque[tuple[str, str]]] = {name: deque(maxlen=_LINES_FOR_BUS) for name in modules}
+        self._others = self._records[modules[0]]
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._records.append((record.levelname, record.getMessage()))
+        self._records.get(record.threadName or "", self._others).append((record.levelname, record.getMessage()))
 
     def flush_to(self, bus: Bus, module: str, now_s: float) -> None:
-        while self._records:
-            level, text = self._records.popleft()
+        records = self._records[module]
+        while records:
+            level, text = records.popleft()
             bus.publish(LOG[module], LogLine(now_s, level, text))
 
 
@@ -59,13 +65,13 @@ class FileLogHandler(logging.handlers.QueueHandler):
         super().close()
 
 
-def set_up_log(name: str, folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
+def set_up_log(name: str, modules: Sequence[str], folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
     """Everything from INFO on into the file (or to stderr without a folder) and to the bus; raises OSError."""
     handler: logging.Handler = logging.StreamHandler() if to_terminal else logging.NullHandler()
     if folder is not None:
         handler = FileLogHandler(folder, name)
     handler.setFormatter(_MonotonicFormatter("%(monotonic)s %(levelname)s %(name)s %(message)s"))
-    bus_log = BusLogHandler()
+    bus_log = BusLogHandler(modules)
     logging.basicConfig(level=logging.INFO, handlers=[handler, bus_log], force=True)
     return bus_log
 

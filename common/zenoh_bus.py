@@ -1,9 +1,9 @@
 """The bus between processes: Zenoh below the same `Bus` protocol as `LocalBus`.
 
-A node's thread calls `publish`, `latest`, `take`, `age_s`; what is behind them stands in zenoh_outbox.py and
-zenoh_inbox.py. Commands have a session, hence a TCP connection, of their own: priorities cannot overtake bytes that
-already sit in a TCP buffer. Where there are keys, commands are signed and verified here (command_gate.py); nodes
-are not involved.
+A node's thread calls `publish`, `latest`, `take`, `age_s`; what is behind them stands in zenoh_outbox.py,
+zenoh_inbox.py and zenoh_end.py. Commands have a session, hence a TCP connection, of their own: priorities cannot
+overtake bytes that already sit in a TCP buffer. Where there are keys, commands are signed and verified here
+(command_gate.py); nodes are not involved.
 """
 
 from __future__ import annotations
@@ -12,30 +12,22 @@ import logging
 import secrets
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import zenoh
 
-from common.access import alive_key
+from common.bundle import Packed
 from common.clock import Announcements, Clock
-from common.command_gate import CommandGate
 from common.config import Config
 from common.messages import PERMIT, QosProfile, Topic
-from common.recording import MESSAGE_BYTES_MAX, Losses, RecordedMessage, RecordingSubscriber
-from common.zenoh_inbox import QUERY_TIMEOUT_S, Inbox, Reader
+from common.recording import Losses, RecordedMessage, RecordingSubscriber
+from common.zenoh_end import Arrival, ZenohEnd
+from common.zenoh_inbox import QUERY_TIMEOUT_S, Decoder, Inbox
 from common.zenoh_outbox import Outbox, Replies
-from common.zenoh_session import (
-    Mode,
-    close_sessions,
-    command_channel,
-    direct,
-    lease_s,
-    main_channel,
-    open_session,
-    watch_links,
-)
+from common.zenoh_session import Mode, lease_s
 
 P = TypeVar("P")
 
@@ -45,51 +37,52 @@ _log = logging.getLogger(__name__)
 
 
 class ZenohBus:
-    """One process's end of the mesh. Close it in `finally`: an open session keeps a dead process's token up.
+    """One node's bus. `end`: of the process that it shares with other nodes; without one it opens one of its own.
 
-    Raises StartError when the router's port is taken, and in mode "client" when no router answers. A peer needs none.
+    Raises what `ZenohEnd` raises. Close it in `finally`.
     """
 
-    def __init__(self, name: str, config: Config, clock: Clock, mode: Mode = "peer") -> None:
+    def __init__(
+        self, name: str, config: Config, clock: Clock, mode: Mode = "peer", end: ZenohEnd | None = None
+    ) -> None:
         self.name = name
-        self._reader = Reader()
-        self.decode_errors = self._reader.undecodable.counts  # by topic
+        self._decoder = Decoder()
+        self.decode_errors = self._decoder.undecodable.counts  # by topic
         self._clock = clock
-        self._robot = config.robot.name
         self._boot_id = secrets.randbits(48)
         self._inboxes: dict[str, Inbox[Any]] = {}
         self._outboxes: dict[str, Outbox[Any]] = {}
         self._replies = Replies()
+        self._held: dict[str, list[Packed]] | None = None  # by bundle, while they are collected
         self._tokens: set[str] = set()
         self._recording: RecordingSubscriber | None = None
-        self._subscribers: list[Any] = []  # subscribers without an inbox
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
         self._wakes_on: frozenset[str] = frozenset()
         self._ring: Callable[[], None] = lambda: None
-        self.gate = CommandGate(name, config)
-        main, commands = main_channel(name, mode, config), command_channel(name, mode, config)
-        lease = lease_s(name, clock.lease_s)
-        self._session = self._command_session = open_session(main, lease)
+        self._owns_end = end is None
+        self._end = end or ZenohEnd(name, config, mode, lease_s(name, clock.lease_s))
+        self.gate = self._end.gates[name]
         self._token: Any = None
         try:
-            if commands is not None:
-                self._command_session = open_session(commands, lease)
             if self.gate.wants_challenges:
-                self._subscribe(self._command_session, PERMIT, lambda permit: self.gate.receive(permit.challenge))
-            self._link_watch = watch_links(self._session) if main.rules is not None else None
-            self._token_watch = self._session.liveliness().declare_subscriber(
-                f"{self._robot}/{alive_key('*')}", direct(self._on_token), history=True
-            )
+                challenges = _Handler(PERMIT, self._decoder, lambda permit: self.gate.receive(permit.challenge))
+                self._end.read(PERMIT, challenges, as_command=True)
+            self._token_watch = self._end.watch_tokens(self._on_token)
             if mode != "client":
-                self._token = self._session.liveliness().declare_token(f"{self._robot}/{alive_key(name)}")
+                self._token = self._end.declare_token(name)
         except BaseException:
             self.close()
             raise
 
     def close(self) -> bool:
         """Leaves the mesh; to be called once more does no harm. False when Zenoh is not done yet."""
-        return close_sessions((self._command_session, self._session))
+        if self._owns_end:
+            return self._end.close()
+        token, self._token = self._token, None
+        if token is not None:
+            token.undeclare()
+        return True
 
     def alive_tokens(self) -> frozenset[str]:
         """The modules whose Zenoh runtime lives; whether their own loop runs is not known by that."""
@@ -102,14 +95,29 @@ class ZenohBus:
     def publish(self, topic: Topic[P], payload: P) -> None:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:
-            session = self._session_for(topic)
-            outbox = Outbox(session, self._key(topic), topic, self._boot_id, self._replies)
-            self._outboxes[topic.key] = outbox
+            outbox = self._outboxes[topic.key] = Outbox(self._end, topic, self._boot_id, self._replies)
         if self.gate.holds_back(topic, payload):
             return
-        outbox.publish(payload, partial(self.gate.sign, topic, payload))
+        outbox.publish(payload, partial(self.gate.sign, topic, payload), self._send)
         if self.announced is not None and topic.consumers and topic.qos in (QosProfile.LATEST, QosProfile.COMMAND):
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
+
+    @contextmanager
+    def bundling(self) -> Iterator[None]:
+        """What is published within it, by this thread, leaves together at its end; outside, each message at once."""
+        held = self._held = {}
+        try:
+            yield
+        finally:
+            self._held = None
+            for bundle_key, messages in held.items():
+                self._end.put_bundle(bundle_key, messages)
+
+    def _send(self, topic: Topic[Any], data: bytes) -> None:
+        if self._held is None:
+            self._end.put_bundle(topic.bundle_key, [(topic.key, data)])
+        else:
+            self._held.setdefault(topic.bundle_key, []).append((topic.key, data))
 
     def wake_on(self, topics: Iterable[Topic[Any]], ring: Callable[[], None]) -> None:
         """Zenoh's threads call `ring` for every message of these topics; before any of them is looked at."""
@@ -152,7 +160,7 @@ class ZenohBus:
 
     def subscribe(self, topic: Topic[P], handler: Callable[[P], None]) -> None:
         """Hands every message to `handler` on Zenoh's thread, for the shared clock: it must only store."""
-        self._subscribe(self._session_for(topic), topic, handler)
+        self._end.read(topic, _Handler(topic, self._decoder, handler))
 
     def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
         """From now on `take_recorded` gives every message of these topics; to be called once."""
@@ -161,16 +169,8 @@ class ZenohBus:
         recording = self._recording = RecordingSubscriber(
             by_key, on_event, known, lambda key, query: self._query_producer(by_key[key], query)
         )
-
-        def store(key: str, sample: zenoh.Sample) -> None:
-            if len(sample.payload) > MESSAGE_BYTES_MAX:
-                recording.count_bad(key, f"{len(sample.payload)} bytes are too many")
-            else:
-                recording.store(key, bytes(sample.payload))
-
         for key, topic in by_key.items():
-            session = self._session_for(topic)
-            self._subscribers.append(session.declare_subscriber(self._key(topic), direct(partial(store, key))))
+            self._end.read(topic, _Recorded(key, recording))
 
     def take_recorded(self) -> list[RecordedMessage]:
         return self._recording.messages() if self._recording is not None else []
@@ -186,8 +186,8 @@ class ZenohBus:
             if reply.ok is not None:
                 recording.add_reply(topic.key, bytes(reply.ok.payload))
 
-        self._session.get(
-            self._key(topic),
+        self._end.session_for(topic).get(
+            self._end.key(topic),
             zenoh.handlers.Callback(store, indirect=False),
             payload=query,
             timeout=QUERY_TIMEOUT_S,
@@ -195,19 +195,12 @@ class ZenohBus:
             target=zenoh.QueryTarget.ALL,
         )
 
-    def _key(self, topic: Topic[Any]) -> str:
-        return f"{self._robot}/{topic.key}"
-
-    def _session_for(self, topic: Topic[Any]) -> zenoh.Session:
-        return self._command_session if topic.is_command else self._session
-
     def _inbox(self, topic: Topic[P]) -> Inbox[P]:
         """The topic's inbox; made at its first use."""
         inbox: Inbox[P] | None = self._inboxes.get(topic.key)
         if inbox is None:
-            session, refuses = self._session_for(topic), self.gate.refuses
             arrived = self._arrived_to_wake if topic.key in self._wakes_on else self._arrival.set
-            inbox = Inbox(session, self._key(topic), topic, self._clock, self._reader, refuses, arrived)
+            inbox = Inbox(self._end, topic, self._clock, self._decoder, self.gate.refuses, arrived)
             self._inboxes[topic.key] = inbox
         return inbox
 
@@ -220,18 +213,11 @@ class ZenohBus:
         inbox.look()
         return inbox
 
-    def _subscribe(self, session: zenoh.Session, topic: Topic[P], handler: Callable[[P], None]) -> None:
-        def receive(sample: zenoh.Sample) -> None:
-            envelope = self._reader.read(topic, bytes(sample.payload))
-            if envelope is not None:
-                handler(envelope.payload)
-
-        self._subscribers.append(session.declare_subscriber(self._key(topic), direct(receive)))
-
     def _on_token(self, sample: zenoh.Sample) -> None:
         module = str(sample.key_expr).split("/")[1]
         if sample.kind == zenoh.SampleKind.DELETE:
             self._tokens.discard(module)
+            self._ring()  # whoever watches over the modules must know
             return
         self._tokens.add(module)
         if self._recording is not None:
@@ -239,3 +225,31 @@ class ZenohBus:
         for key, inbox in self._inboxes.copy().items():
             if key.split("/")[0] == module:
                 inbox.publisher_appears()
+
+
+class _Handler(Generic[P]):
+    """Reads a topic for a function that is called on Zenoh's thread."""
+
+    def __init__(self, topic: Topic[P], decoder: Decoder, handler: Callable[[P], None]) -> None:
+        self._topic, self._decoder, self._handler = topic, decoder, handler
+
+    def store(self, arrival: Arrival) -> None:
+        envelope = self._decoder.read(self._topic, arrival)
+        if envelope is not None:
+            self._handler(envelope.payload)
+
+    def count_bad(self, problem: str) -> None:
+        self._decoder.undecodable.count(self._topic.key, problem)
+
+
+class _Recorded:
+    """Reads a topic for the recording."""
+
+    def __init__(self, key: str, recording: RecordingSubscriber) -> None:
+        self._key, self._recording = key, recording
+
+    def store(self, arrival: Arrival) -> None:
+        self._recording.store(self._key, arrival.data)
+
+    def count_bad(self, problem: str) -> None:
+        self._recording.count_bad(self._key, problem)

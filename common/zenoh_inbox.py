@@ -18,10 +18,9 @@ from common.bus import QUEUE_LENGTH
 from common.clock import Clock
 from common.codec import DecodeError, Envelope, decode
 from common.messages import QosProfile, Topic
-from common.recording import MESSAGE_BYTES_MAX, unpack_messages
-from common.signing import SIGNATURE_BYTES
+from common.recording import unpack_messages
 from common.undecodable import Undecodable
-from common.zenoh_session import direct
+from common.zenoh_end import Arrival, ZenohEnd
 
 P = TypeVar("P")
 
@@ -32,45 +31,51 @@ _KNOWN_BOOTS = 16
 Refuses = Callable[[Topic[Any], Envelope[Any], bytes, bytes], bool]
 
 
-class Reader:
+class Decoder:
     """Bytes -> messages; `undecodable` counts what is none."""
 
     def __init__(self) -> None:
         self.undecodable = Undecodable()
 
-    def read(self, topic: Topic[P], data: bytes) -> Envelope[P] | None:
+    def decode(self, topic: Topic[P], data: bytes) -> Envelope[P] | None:
         try:
             return decode(data, topic.payload)
         except DecodeError as error:
             self.undecodable.count(topic.key, str(error))
             return None
 
+    def read(self, topic: Topic[P], arrival: Arrival) -> Envelope[P] | None:
+        """Decoded once, whoever else reads it in this process."""
+        if arrival.envelope is None:
+            arrival.envelope = self.decode(topic, arrival.data)
+        return arrival.envelope
+
 
 class Inbox(Generic[P]):
-    """One subscriber. `refuses` judges commands with their signatures; `arrived` is called when something came.
+    """What one node receives of a topic. `refuses` judges commands with their signatures; `arrived` is called when
+    something came.
 
     `newest`, `arrived_s` and `sequences` (boot id -> newest number) are as of the last look.
     """
 
     def __init__(
         self,
-        session: zenoh.Session,
-        key: str,
+        end: ZenohEnd,
         topic: Topic[P],
         clock: Clock,
-        reader: Reader,
+        decoder: Decoder,
         refuses: Refuses,
         arrived: Callable[[], None],
     ) -> None:
         self.newest: P | None = None
         self.arrived_s = float("-inf")
         self.sequences: dict[int, int] = {}
-        self._session, self._key, self._topic, self._clock = session, key, topic, clock
-        self._reader, self._refuses, self._arrived = reader, refuses, arrived
+        self._end, self._topic, self._clock = end, topic, clock
+        self._decoder, self._refuses, self._arrived = decoder, refuses, arrived
         self._queue: deque[P] | None = None
         self._is_state = topic.qos is QosProfile.STATE
         # The lock guards both, which Zenoh's threads write
-        self._pending: deque[tuple[float, bytes, bytes]] = deque(  # arrival, message, its signature
+        self._pending: deque[tuple[float, Arrival]] = deque(
             maxlen=1 if topic.qos is QosProfile.LATEST else QUEUE_LENGTH
         )
         self._replies: list[tuple[float, bytes]] = []
@@ -78,8 +83,7 @@ class Inbox(Generic[P]):
         self._query_due = self._is_state
         self._query_running = self._query_refused = self._query_replied = False
         self._queried_wall_s = float("-inf")
-        self._subscriber: Any = None
-        self._subscribe()
+        end.read(topic, self)
 
     def look(self) -> None:
         """Decodes all that came; while a query runs, what came live waits for its reply."""
@@ -96,10 +100,10 @@ class Inbox(Generic[P]):
         replied, self._query_replied = self._query_replied, False
         for arrived_s, pack in replies:
             for data in unpack_messages(pack):
-                self._accept(arrived_s, self._reader.read(self._topic, data))
-        for i, (arrived_s, data, signature) in enumerate(live):
-            envelope = self._reader.read(self._topic, data)
-            if envelope is None or self._refuses(self._topic, envelope, data, signature):
+                self._accept(arrived_s, self._decoder.decode(self._topic, data))
+        for i, (arrived_s, arrival) in enumerate(live):
+            envelope = self._decoder.read(self._topic, arrival)
+            if envelope is None or self._refuses(self._topic, envelope, arrival.data, arrival.signature):
                 continue
             if not replied and self._misses_some(envelope):
                 self._query_due = True
@@ -125,17 +129,15 @@ class Inbox(Generic[P]):
         if self._is_state:
             self._query_due = True
 
-    def _subscribe(self) -> None:
-        self._subscriber = self._session.declare_subscriber(self._key, direct(self._store))
-
-    def _store(self, sample: zenoh.Sample) -> None:
-        if len(sample.payload) > MESSAGE_BYTES_MAX:
-            self._reader.undecodable.count(self._topic.key, f"{len(sample.payload)} bytes are too many")
-            return
-        arrival = (self._clock.now_s(), bytes(sample.payload), _signature_of(sample))
+    def store(self, arrival: Arrival) -> None:
+        """Called by Zenoh's thread, or by a node of this process that publishes."""
         with self._lock:
-            self._pending.append(arrival)
+            self._pending.append((self._clock.now_s(), arrival))
         self._arrived()
+
+    def count_bad(self, problem: str) -> None:
+        """Called by Zenoh's thread."""
+        self._decoder.undecodable.count(self._topic.key, problem)
 
     def _misses_some(self, envelope: Envelope[P]) -> bool:
         goes_on = self._is_state and getattr(envelope.payload, "start", 0) > 0
@@ -171,15 +173,9 @@ class Inbox(Generic[P]):
             self._query_due |= self._query_refused
             self._query_running = False
 
-        self._session.get(
-            self._key,
+        self._end.session_for(self._topic).get(
+            self._end.key(self._topic),
             zenoh.handlers.Callback(store, finished, indirect=False),
             timeout=QUERY_TIMEOUT_S,
             consolidation=zenoh.ConsolidationMode.NONE,
         )
-
-
-def _signature_of(sample: zenoh.Sample) -> bytes:
-    """What travelled beside a message, as far as it can be a signature."""
-    beside = sample.attachment
-    return bytes(beside) if beside is not None and len(beside) == SIGNATURE_BYTES else b""

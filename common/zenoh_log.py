@@ -34,7 +34,7 @@ _REFUSAL = re.compile(
 )
 _CERTIFICATE = re.compile(r"CertCommonName\((\w+)\)")
 _NUMBER = re.compile(r"[0-9a-f]*\d[0-9a-f]*")
-_KEYS = frozenset(topic.key for topic in TOPICS)
+_KEYS = frozenset(key for topic in TOPICS for key in (topic.key, topic.bundle_key))
 
 _log = logging.getLogger("zenoh")
 

@@ -17,13 +17,14 @@ import msgpack
 import zenoh
 
 from common.bus import UNFIT
-from common.codec import encode
+from common.codec import Envelope, encode
 from common.field_checks import UnfitValue
 from common.messages import QosProfile, Topic
 from common.recording import QUERY_BYTES_MAX, RecentMessages, queried_after
 from common.repeats import Repeats
 from common.reply_budget import ReplyBudget
 from common.undecodable import Undecodable
+from common.zenoh_end import CONGESTION, Arrival, ZenohEnd
 from common.zenoh_session import direct
 
 P = TypeVar("P")
@@ -35,8 +36,6 @@ _PRIORITY = {
     QosProfile.STATE: zenoh.Priority.DATA_LOW,
     QosProfile.BULK: zenoh.Priority.BACKGROUND,
 }
-# No publisher waits for a full link, or the robot would stand still: what is recorded and was dropped is queried again
-_CONGESTION = zenoh.CongestionControl.DROP
 
 _log = logging.getLogger(__name__)
 
@@ -63,29 +62,42 @@ class Replies:
 class Outbox(Generic[P]):
     """One publisher. `sequence` is the number of the newest message."""
 
-    def __init__(self, session: zenoh.Session, key: str, topic: Topic[P], boot_id: int, replies: Replies) -> None:
+    def __init__(self, end: ZenohEnd, topic: Topic[P], boot_id: int, replies: Replies) -> None:
         self.sequence = 0
-        self._topic_key, self._unfit = topic.key, Undecodable(UNFIT)
-        self._key, self._boot_id, self._replies = key, boot_id, replies
+        self._end, self._topic, self._unfit = end, topic, Undecodable(UNFIT)
+        self._key, self._boot_id, self._replies = end.key(topic), boot_id, replies
         self._lock = threading.Lock()
         self._history: list[bytes] | None = [] if topic.qos is QosProfile.STATE else None  # since the newest snapshot
         self._recent = RecentMessages() if topic.recorded else None
-        self._publisher = session.declare_publisher(key, priority=_PRIORITY[topic.qos], congestion_control=_CONGESTION)
+        session = end.session_for(topic)
+        self._publisher: Any = None
+        if not topic.bundle_key:
+            self._publisher = session.declare_publisher(
+                self._key, priority=_PRIORITY[topic.qos], congestion_control=CONGESTION
+            )
         self._queryable: Any = None
         if self._history is not None or self._recent is not None:
-            self._queryable = session.declare_queryable(key, direct(self._reply))
+            self._queryable = session.declare_queryable(self._key, direct(self._reply))
 
-    def publish(self, payload: P, sign: Callable[[bytes], bytes | None]) -> None:
-        """Any thread may; `sign` makes of the message what goes with it."""
+    def publish(
+        self, payload: P, sign: Callable[[bytes], bytes | None], send: Callable[[Topic[P], bytes], None]
+    ) -> None:
+        """Any thread may; `sign` makes of the message what goes with it, `send` takes those that travel in a bundle."""
         with self._lock:
             try:
                 data = encode(payload, self.sequence + 1, self._boot_id)
             except UnfitValue as error:
-                self._unfit.count(self._topic_key, str(error))
+                self._unfit.count(self._topic.key, str(error))
                 return
             self.sequence += 1
+            signature = sign(data)
             # First of all it is sent; a query waits for the lock
-            self._publisher.put(data, attachment=sign(data))
+            if self._publisher is None:
+                send(self._topic, data)
+            else:
+                self._publisher.put(data, attachment=signature)
+            envelope = Envelope(payload, self.sequence, self._boot_id)
+            self._end.deliver(self._topic.key, Arrival(data, signature or b"", envelope))
             if self._recent is not None:
                 self._recent.append(self.sequence, data)
             if self._history is not None:

@@ -3,7 +3,7 @@
 Robot: comm is the router, on loopback and, with keys, on one TLS address; the modules beside it are peers on loopback
 and keep their links when it goes. Laptop: the recorder is the router on loopback, and joins comm's over TLS; poi on its
 own board does that too, and the command center for its commands, so that a stop passes through nothing but comm. With
-everything on one machine all join comm's router.
+everything on one machine all join comm's router. Modules that share comm's process share its session.
 
 Peers know each other's addresses, and of two the later in NEIGHBOURS connects, again and again for as long as it takes.
 Zenoh's own way to find neighbours (gossip) announces each only once: a link that is lost while both keep their router
@@ -48,13 +48,12 @@ _ANSWER_QUEUE = 16  # batches of 64 kB, enough for an answer of RECENT_BYTES
 # Collected piece by piece before anybody may judge it: what a message is beside its payload is much less
 _TRANSPORTED_BYTES_MAX = MESSAGE_BYTES_MAX + 64_000
 _COMMANDS = "{} commands"  # the name of the session that carries nothing else
-_LISTEN_ELSEWHERE = (ROBOT_ROUTER, LAPTOP_ROUTER, STOP.producer)
-_ON_ROBOT, _ON_LAPTOP = ([name for name in names if name not in _LISTEN_ELSEWHERE] for names in (ON_ROBOT, OFFBOARD))
-# Peers to whom others connect. Each has an address of its own on loopback, at the port of the router beside it, so that
-# several meshes go side by side. Who may be away comes late: few look for it. Sessions that are not here connect to all
-# of these, and do not reach each other
-NEIGHBOURS = (_COMMANDS.format("bridge"), *_ON_ROBOT, "simulator", *_ON_LAPTOP, "local")
+# Peers on the robot, to whom others connect. Each has an address of its own on loopback, at the port of the router
+# beside it, so that several meshes go side by side. Who may be away comes late: few look for it
+NEIGHBOURS = tuple(name for name in ON_ROBOT if name != ROBOT_ROUTER)
 PEER_HOSTS = tuple(f"127.0.0.{i}" for i in range(2, 2 + len(NEIGHBOURS)))  # the routers have 127.0.0.1
+_THROUGH_ROUTER: Mode = "router"  # a router passes nothing from one peer to another, and no client begins without it
+_OFF_ROBOT = (*OFFBOARD, "simulator", "local")  # reach the robot through its router, as a laptop does over Wi-Fi
 _CLOSE_TIMEOUT_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -93,10 +92,10 @@ def main_channel(name: str, mode: Mode, config: Config) -> Channel:
 
 
 def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
-    """Of the session that carries nothing but commands; None for a process that has no need of its own."""
-    if mode != "peer" or name not in (STOP.producer, *STOP.consumers):
+    """Of the session that carries nothing but commands; None for a process that publishes none."""
+    if mode != "peer" or name != STOP.producer:
         return None
-    if name == STOP.producer and config.mesh.robot:
+    if config.mesh.robot:
         return _straight_to_robot(name, mode, config)
     return _beside_router(_COMMANDS.format(name), False, config)
 
@@ -107,19 +106,21 @@ def lease_s(name: str, clock_lease_s: float) -> float:
 
 
 def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
-    """A peer's, on loopback: it connects to the router and to the NEIGHBOURS before it."""
+    """A peer's, on loopback: it connects to the router, and on the robot to the NEIGHBOURS before it."""
     router = config.mesh.laptop_router if on_laptop else config.mesh.router
+    if session in _OFF_ROBOT:
+        return Channel(_THROUGH_ROUTER, connect=(router,))
     port = router.rpartition(":")[2]
     addresses = {name: f"tcp/{host}:{port}" for name, host in zip(NEIGHBOURS, PEER_HOSTS, strict=True)}
     own = addresses.get(session)
     before = NEIGHBOURS[: NEIGHBOURS.index(session)] if own else NEIGHBOURS
-    there = [name for name in before if not on_laptop or name in access.ROLES["laptop"]]
+    # Who shares the router's process has no session besides
+    there = [name for name in before if config.processes.of(name) != config.processes.of(ROBOT_ROUTER)]
     return Channel("peer", (own,) if own else (), (router, *(addresses[name] for name in there)))
 
 
 def _straight_to_robot(name: str, mode: Mode, config: Config) -> Channel:
-    # A client cannot begin without comm, and comm passes nothing from one peer to another
-    how: Mode = "client" if mode == "client" else "router"
+    how: Mode = "client" if mode == "client" else _THROUGH_ROUTER
     return Channel(how, connect=(config.mesh.robot,), keys=_keys(config, access.role_of(name)))
 
 

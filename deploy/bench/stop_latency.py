@@ -104,7 +104,7 @@ class StopMesh:
         until(self._granted, STARTUP_GRACE_S, "the permit")
 
     def _start(self, name: str, arguments: list[str], *, restart: bool = True) -> None:
-        self._supervisor.start(name, PROCESSES[name], arguments, restart)
+        self._supervisor.start(name, (PROCESSES[name],), arguments, restart)
 
     def _join(self) -> ZenohBus:
         return ZenohBus("command_center", self._across, FreeClock(), "client")

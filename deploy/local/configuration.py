@@ -5,8 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.config import BridgeSection, Config, MeshSection, PoiSection, VisualizerSection, config_text, with_camera
-from common.process import STEPS_SUFFIX
+from common.config import (
+    BridgeSection,
+    Config,
+    MeshSection,
+    PoiSection,
+    ProcessesSection,
+    VisualizerSection,
+    config_text,
+    each_apart,
+    with_camera,
+)
+from common.node_loop import STEPS_SUFFIX
 from deploy.local.ports import refuse_second_mesh, reserve_port, usual_port
 from deploy.local.process_table import SIMULATOR
 from offboard.simulator.run.options import RunOptions
@@ -51,6 +61,7 @@ def mesh_config(options: RunOptions, paths: RunPaths) -> Config:
     router, page = (reserve_port(port) for port in wanted)
     config = Config(
         mesh=MeshSection(f"tcp/127.0.0.1:{router}", f"tcp/127.0.0.1:{reserve_port()}"),
+        processes=each_apart() if options.apart else ProcessesSection(),
         bridge=BridgeSection(serial_port=str(paths.serial)),
         visualizer=VisualizerSection(port=page),
         poi=PoiSection(source=f"unix:{paths.frames}"),

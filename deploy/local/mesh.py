@@ -22,7 +22,7 @@ from common.errors import StartError
 from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, Outcome, PlannerView
 from common.zenoh_bus import ZenohBus
 from deploy.local.configuration import RunPaths, mesh_config, process_arguments
-from deploy.local.process_table import PROCESSES, SIMULATOR
+from deploy.local.process_table import SIMULATOR, program_of, without
 from deploy.local.report import summarise
 from deploy.local.supervisor import ProcessFailed, Supervisor
 from deploy.local.terminal_ui import Left, TerminalUi, has_terminal
@@ -149,11 +149,15 @@ class LocalRun:
         """Starts all at once except the bridge: without its port it would retry only after a second."""
         # The command center takes a terminal: it is opened in this one, where there is one
         absent = {"command_center", "bridge"} | ({"poi"} if self._options.camera == "off" else set())
-        for name, package in PROCESSES.items():
-            if name not in absent:
-                self._supervisor.start(name, package, self._arguments(name), restart=name != SIMULATOR)
+        self._start(SIMULATOR, restart=False)
+        for process in self._config.processes.every:
+            self._start(without(process, absent))
         self._until(self._paths.serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
-        self._supervisor.start("bridge", PROCESSES["bridge"], self._arguments("bridge"))
+        self._start("bridge")
+
+    def _start(self, process: str, *, restart: bool = True) -> None:
+        if process:
+            self._supervisor.start(process, program_of(process), self._arguments(process), restart)
 
     def _arguments(self, name: str) -> list[str]:
         return process_arguments(name, self._options, self._paths)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from common.messages import PlannerView
-from common.process import STEPS_SUFFIX
+from common.node_loop import STEPS_SUFFIX
 from offboard.evaluate.run_text import figures
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.simulator.run.options import RunOptions, floor_json

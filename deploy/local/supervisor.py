@@ -60,9 +60,9 @@ class Supervisor:
     children: dict[str, Child] = field(default_factory=dict)
     settled: bool = False  # after start-up a process that cannot begin is tried again, before it ends the whole
 
-    def start(self, name: str, module: str, arguments: Sequence[str], restart: bool = True) -> None:
-        """Starts `python -m module arguments`, which ends with this process."""
-        command = [sys.executable, "-m", module, "--parent", str(os.getpid()), *arguments]
+    def start(self, name: str, program: Sequence[str], arguments: Sequence[str], restart: bool = True) -> None:
+        """Starts `python -m program arguments`, which ends with this process."""
+        command = [sys.executable, "-m", *program, "--parent", str(os.getpid()), *arguments]
         child = Child(name, command, self.log_dir / f"{name}.stderr", restart)
         self.children[name] = child
         self._spawn(child)

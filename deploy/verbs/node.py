@@ -11,12 +11,12 @@ from typing import Any
 from common.config import load_config
 from common.errors import StartError
 from common.process import argument_parser
-from deploy.local.process_table import PROCESSES
+from deploy.local.process_table import PROCESSES, program_of
 
 
 def add_verbs(verbs: Any) -> None:
     node = verbs.add_parser("node", help="one process of the mesh")
-    node.add_argument("name", metavar="NAME", help=", ".join(PROCESSES))
+    node.add_argument("name", metavar="NAME", help=f"{', '.join(PROCESSES)}, or modules of the robot joined by +")
     # Whatever follows NAME belongs to the process, --help as well
     node.add_argument("arguments", nargs=argparse.REMAINDER, help="--config FILE, --log-dir DIR and the process's own")
     node.set_defaults(run=_node)
@@ -36,12 +36,13 @@ def _command_center(arguments: argparse.Namespace) -> int:
 
 
 def _node(arguments: argparse.Namespace) -> int:
-    package = PROCESSES.get(arguments.name)
-    if package is None:
-        raise StartError(f"There is no process {arguments.name}; choose one of {', '.join(PROCESSES)}.")
+    try:
+        program = program_of(arguments.name)
+    except KeyError:
+        raise StartError(f"There is no process {arguments.name}; choose one of {', '.join(PROCESSES)}.") from None
     if arguments.name == "bridge":
         _check_serial_port(arguments.arguments)
-    os.execv(sys.executable, [sys.executable, "-m", package, *arguments.arguments])
+    os.execv(sys.executable, [sys.executable, "-m", *program, *arguments.arguments])
 
 
 def _check_serial_port(arguments: list[str]) -> None:

@@ -16,6 +16,7 @@ def add_verbs(verbs: Any) -> None:
     _add_run_arguments(local)
     local.add_argument("--speed", type=float, default=1.0, help="simulated over real time, at most (1)")
     local.add_argument("--headless", action="store_true", help="start by itself, end when the mission is finished")
+    local.add_argument("--apart", action="store_true", help="every module in a process of its own, also on the robot")
     local.set_defaults(run=_local)
     simulate = verbs.add_parser("simulate", help="the same nodes in lockstep, as fast as the processor allows")
     _add_run_arguments(simulate)
@@ -43,6 +44,7 @@ def _options(arguments: argparse.Namespace) -> RunOptions:
         seed=arguments.seed,
         speed=getattr(arguments, "speed", 1.0),
         headless=getattr(arguments, "headless", True),
+        apart=getattr(arguments, "apart", False),
         out=arguments.out,
         errors=arguments.errors,
         camera=arguments.camera,

@@ -1,10 +1,9 @@
-"""Process "planner": the Planner on the BeagleBone."""
+"""The Planner's process on the BeagleBone."""
 
-import secrets
 import sys
 
 from common.process import run
-from onboard.planner.planner import BOOT_BITS, Planner
+from onboard.planner.planner import make_planner
 
 if __name__ == "__main__":
-    sys.exit(run("planner", lambda config, _arguments: Planner(config.has_camera, secrets.randbits(BOOT_BITS))))
+    sys.exit(run("planner", make_planner))

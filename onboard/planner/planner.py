@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import logging
 import math
+import secrets
 from collections import deque
 from dataclasses import replace
 from typing import Any
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from common.bus import Bus, alive, alive_and_valid
+from common.config import Config
 from common.constants import PLANNER_RATE_HZ, POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
@@ -277,3 +280,8 @@ def _median(values: deque[float]) -> float:
     """Of those with an echo; NaN where most were not."""
     known = sorted(v for v in values if v == v)
     return known[len(known) // 2] if len(known) > len(values) // 2 else math.nan
+
+
+def make_planner(config: Config, _: argparse.Namespace) -> Planner:
+    """The node of the process."""
+    return Planner(config.has_camera, secrets.randbits(BOOT_BITS))

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, config_text
+from common.config import BridgeSection, Config, MeshSection, config_text, each_apart
 from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, PERMIT, Permit
 from common.zenoh_bus import ZenohBus
@@ -49,6 +49,7 @@ class Mesh:
         self.folder = folder
         self.config = Config(
             mesh=MeshSection(router=free_endpoint(host), laptop_router=free_endpoint()),
+            processes=each_apart(),
             bridge=BridgeSection(serial_port=str(folder / "serial")),
         )
         self.config_file = folder / "robot.toml"

@@ -8,9 +8,10 @@ from collections.abc import Iterable
 import msgpack
 import zenoh
 
+from common import bundle
 from common.codec import CODEC_VERSION, encode
 from common.config import Config
-from common.messages import Status
+from common.messages import TOPICS, Status
 from common.zenoh_session import Channel, session_config
 
 
@@ -26,8 +27,16 @@ def huge() -> list[bytes]:
 
 
 def throw(config: Config, payloads: list[bytes], keys: Iterable[str]) -> None:
-    """Each payload at each topic, once."""
+    """Each payload at each topic, once: by itself, as a bundle, and within a bundle, where its messages travel so."""
+    bundles = {topic.key: topic.bundle_key for topic in TOPICS if topic.bundle_key}
     with zenoh.open(session_config(Channel("client", connect=(config.mesh.router,)))) as stranger:
+
+        def put(key: str, payload: bytes) -> None:
+            stranger.put(f"{config.robot.name}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
         for key in keys:
             for payload in payloads:
-                stranger.put(f"{config.robot.name}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
+                put(key, payload)
+                if key in bundles:
+                    put(bundles[key], payload)
+                    put(bundles[key], bundle.pack([(key, payload)]))

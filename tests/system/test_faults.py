@@ -43,7 +43,18 @@ class Running:
         self._output = folder / "output.txt"
         with self._output.open("wb") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "deploy.cli", "local", "--floor", "loop", "--headless", "--out", self.run_dir],
+                [
+                    sys.executable,
+                    "-m",
+                    "deploy.cli",
+                    "local",
+                    "--floor",
+                    "loop",
+                    "--headless",
+                    "--apart",
+                    "--out",
+                    self.run_dir,
+                ],
                 env=environment(),
                 cwd=ROOT,
                 stdout=output,

@@ -159,7 +159,7 @@ def test_children_end_with_the_process_that_started_them(tmp_path: Path) -> None
         "from pathlib import Path\n"
         "from deploy.local.supervisor import Supervisor\n"
         "supervisor = Supervisor(Path(sys.argv[1]))\n"
-        "supervisor.start('comm', 'onboard.comm', ['--config', sys.argv[2], '--log-dir', sys.argv[1]])\n"
+        "supervisor.start('comm', ('onboard.comm',), ['--config', sys.argv[2], '--log-dir', sys.argv[1]])\n"
         "print(supervisor.children['comm'].process.pid, flush=True)\n"
         "time.sleep(60)\n",
         encoding="utf-8",

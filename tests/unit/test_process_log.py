@@ -42,7 +42,7 @@ def test_a_disk_that_takes_nothing_does_not_hold_who_logs_and_no_line_is_lost(
         write(self, record)
 
     monkeypatch.setattr(logging.handlers.RotatingFileHandler, "emit", stalled)
-    set_up_log("planner", tmp_path, to_terminal=False)
+    set_up_log("planner", ("planner",), tmp_path, to_terminal=False)
     for number in range(100):
         logging.getLogger("planner").info("line number=%d", number)
     assert not disk.is_set()
@@ -51,7 +51,7 @@ def test_a_disk_that_takes_nothing_does_not_hold_who_logs_and_no_line_is_lost(
 
 
 def test_a_line_bears_the_time_it_was_said_at_and_an_error_its_cause(tmp_path: Path) -> None:
-    set_up_log("planner", tmp_path, to_terminal=False)
+    set_up_log("planner", ("planner",), tmp_path, to_terminal=False)
     try:
         raise ValueError("no way")
     except ValueError as error:
@@ -65,4 +65,4 @@ def test_a_line_bears_the_time_it_was_said_at_and_an_error_its_cause(tmp_path: P
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match="file"):
-        set_up_log("planner", tmp_path / "file" / "logs", to_terminal=False)
+        set_up_log("planner", ("planner",), tmp_path / "file" / "logs", to_terminal=False)

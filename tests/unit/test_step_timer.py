@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from common import process
-from common.process import StepTimer
+from common import node_loop
+from common.node_loop import StepTimer
 
 
 def figures(timer: StepTimer, file: Path) -> dict[str, float]:
@@ -20,7 +20,7 @@ def figures(timer: StepTimer, file: Path) -> dict[str, float]:
 def test_percentile_forgets_the_oldest_steps_and_the_longest_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process, "_STEPS_KEPT", 4)
+    monkeypatch.setattr(node_loop, "_STEPS_KEPT", 4)
     timer = StepTimer()
     for duration_s in (8.0, 1.0, 1.0, 1.0, 1.0):
         timer.add(duration_s)

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import zenoh
 
+from common import bundle
 from common.clock import Announcements, FreeClock
-from common.config import Config, MeshSection
+from common.config import Config, MeshSection, each_apart
 from common.errors import StartError
 from common.messages import (
     GRID,
@@ -51,7 +52,7 @@ Open = Callable[..., ZenohBus]
 
 @pytest.fixture
 def config() -> Config:
-    return Config(mesh=MeshSection(router=f"tcp/127.0.0.1:{reserve_port()}"))
+    return Config(mesh=MeshSection(router=f"tcp/127.0.0.1:{reserve_port()}"), processes=each_apart())
 
 
 @pytest.fixture
@@ -167,8 +168,8 @@ def test_a_map_that_comes_within_the_first_take_is_whole(open_bus: Open, monkeyp
     for update in (wall(0, 3), wall(3, 2)):
         sender.publish(MAP, update)
     # A token is no sign that the publisher may be asked by now: its queryable travels on its own
-    until(lambda: any(reply.ok for reply in late._session.get(late._key(MAP))))
-    monkeypatch.setattr(late, "_session", _AnsweredAtOnce(late._session))
+    until(lambda: any(reply.ok for reply in late._end.session.get(late._end.key(MAP))))
+    monkeypatch.setattr(late._end, "session", _AnsweredAtOnce(late._end.session))
     assert [update.start for update in late.take(MAP)] == [0, 3]
     monkeypatch.undo()
 
@@ -186,10 +187,10 @@ def test_missed_increments_are_queried(open_bus: Open, config: Config) -> None:
     sender.publish(MAP, wall(0, 1))
     until(lambda: got(0))
     # The receiver's subscription is away for a while, as in a cut link that comes back
-    inbox = receiver._inboxes[MAP.key]
-    inbox._subscriber.undeclare()
+    subscriptions, inbox = receiver._end._read, receiver._inboxes[MAP.key]
+    subscriptions._subscribers.pop(MAP.key).undeclare()
     sender.publish(MAP, wall(1, 1))
-    inbox._subscribe()
+    subscriptions.add(MAP, inbox)
 
     def live() -> bool:
         return got(3)
@@ -208,11 +209,12 @@ def test_missed_increments_are_queried(open_bus: Open, config: Config) -> None:
 
 def test_a_query_that_is_refused_is_repeated(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     open_bus("comm", "router")
-    sender, late = open_bus("mmu"), open_bus("visualizer")
+    sender = open_bus("mmu")
     refusals = [True, True]
     monkeypatch.setattr(sender._replies, "refuses", lambda *_: bool(refusals) and refusals.pop())
     for update in (wall(0, 3), wall(3, 2)):
         sender.publish(MAP, update)
+    late = open_bus("visualizer")
     starts: list[int] = []
 
     def whole() -> bool:
@@ -229,7 +231,7 @@ def test_a_snapshot_is_taken_though_every_question_is_refused(open_bus: Open, mo
     sender, planner = open_bus("mmu"), open_bus("planner")
     monkeypatch.setattr(sender._replies, "refuses", lambda *_: True)
     sender.publish(GRID, grid(1))
-    until(lambda: any(reply.err for reply in planner._session.get(planner._key(GRID))))
+    until(lambda: any(reply.err for reply in planner._end.session.get(planner._end.key(GRID))))
 
     def newest() -> bool:
         sender.publish(GRID, grid(2))
@@ -247,7 +249,7 @@ def test_token_goes_when_a_process_leaves(open_bus: Open) -> None:
 
 def test_stop_has_a_connection_of_its_own_and_arrives(open_bus: Open) -> None:
     comm, bridge, centre = open_bus("comm", "router"), open_bus("bridge"), open_bus("command_center")
-    assert bridge._command_session is not bridge._session
+    assert centre._end.command_session is not centre._end.session
     request = StopRequest(0.0, "operator", latched=True)
 
     def both() -> bool:
@@ -330,7 +332,8 @@ def test_bytes_that_are_no_message_are_counted_and_do_not_look_fresh(open_bus: O
     with zenoh.open(session_config(Channel("client", connect=(config.mesh.router,)))) as stranger:
 
         def counted() -> bool:
-            stranger.put(f"{config.robot.name}/{POSE.key}", b"\xc1 no message")
+            junk = bundle.pack([(POSE.key, b"\xc1 no message")])
+            stranger.put(f"{config.robot.name}/{POSE.bundle_key}", junk)
             planner.latest(POSE)
             return planner.decode_errors.get(POSE.key, 0) > 0
 

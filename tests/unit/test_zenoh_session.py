@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from common.config import Config, MeshSection
+from common.config import Config, MeshSection, each_apart
 from common.errors import StartError
 from common.zenoh_session import NEIGHBOURS, Channel, Mode, command_channel, main_channel
 
@@ -33,8 +33,8 @@ def test_without_keys_all_join_the_router_of_comm_on_loopback() -> None:
     assert (recorder.listen, recorder.connect) == ((LAPTOP_ROUTER,), (ROUTER,))
     for module in MODULES:
         channel = main_channel(module, "peer", config)
-        assert (channel.mode, channel.connect[0]) == ("peer", ROUTER)
-        assert (command_channel(module, "peer", config) is not None) == (module in ("bridge", "command_center"))
+        assert channel.connect[0] == ROUTER
+        assert (command_channel(module, "peer", config) is not None) == (module == "command_center")
     assert main_channel("command_center", "client", config).connect == (ROUTER,)
     channels = [comm, recorder, *(main_channel(module, "peer", config) for module in MODULES)]
     assert all(channel.keys is None and channel.rules is None for channel in channels)
@@ -45,10 +45,10 @@ def port_of(endpoint: str) -> str:
 
 
 def test_of_two_peers_just_one_connects_to_the_other_and_all_of_it_stays_on_loopback() -> None:
-    config = Config()
-    sessions = {module: main_channel(module, "peer", config) for module in (*MODULES, "stranger")}
-    commands = [command_channel(module, "peer", config) for module in ("bridge", "command_center")]
-    channels = [*sessions.values(), *(channel for channel in commands if channel is not None)]
+    config = Config(processes=each_apart())
+    commands = command_channel("command_center", "peer", config)
+    assert commands is not None
+    channels = [*(main_channel(module, "peer", config) for module in (*NEIGHBOURS, "stranger")), commands]
     for channel in channels:
         assert all(endpoint.startswith("tcp/127.0.0.") for endpoint in (*channel.listen, *channel.connect))
         assert {port_of(endpoint) for endpoint in (*channel.listen, *channel.connect)} == {port_of(ROUTER)}
@@ -60,6 +60,17 @@ def test_of_two_peers_just_one_connects_to_the_other_and_all_of_it_stays_on_loop
     assert len(listening) == len({channel.listen for channel in listening}) == len(NEIGHBOURS)
     for other in listening:
         assert all(connects(channel, other) != connects(other, channel) for channel in channels if channel is not other)
+
+
+def test_who_shares_the_process_of_the_router_is_reached_there() -> None:
+    bridge, poi = (main_channel(module, "peer", Config()) for module in ("bridge", "poi"))
+    assert bridge.connect == (ROUTER,)
+    assert poi.connect == (ROUTER, *bridge.listen)
+
+
+def test_what_is_no_part_of_the_robot_reaches_it_through_its_router() -> None:
+    for module in ("visualizer", "command_center", "simulator", "local"):
+        assert main_channel(module, "peer", Config()) == Channel("router", connect=(ROUTER,))
 
 
 def test_meshes_with_routers_of_their_own_share_no_address() -> None:
@@ -75,11 +86,11 @@ def test_meshes_with_routers_of_their_own_share_no_address() -> None:
     ("module", "mode", "connect", "role"),
     [
         ("comm", "router", (), "robot"),
-        ("bridge", "peer", (ROUTER, "tcp/127.0.0.2:7447"), None),
+        ("bridge", "peer", (ROUTER,), None),
         ("poi", "peer", (ROBOT,), "pi"),
         ("recorder", "router", (ROBOT,), "laptop"),
         ("visualizer", "peer", (LAPTOP_ROUTER,), None),
-        ("command_center", "peer", (LAPTOP_ROUTER, "tcp/127.0.0.8:7448"), None),
+        ("command_center", "peer", (LAPTOP_ROUTER,), None),
         ("command_center", "client", (ROBOT,), "command_center"),
     ],
 )
@@ -101,10 +112,6 @@ def test_commands_go_straight_to_the_robot(several: Config) -> None:
     assert channel.listen == ()
     assert channel.keys is not None
     assert channel.keys.name == "command_center"
-    bridge = command_channel("bridge", "peer", several)
-    assert bridge is not None
-    assert bridge.connect == (ROUTER,)
-    assert bridge.listen == ("tcp/127.0.0.2:7447",)
 
 
 def test_comm_listens_on_loopback_and_for_the_other_machines(several: Config) -> None:

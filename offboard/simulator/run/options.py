@@ -29,6 +29,7 @@ class RunOptions:
     seed: int = 0
     speed: float = 1.0  # simulated over wall time, `local` only
     headless: bool = False
+    apart: bool = False  # every module in a process of its own, `local` only
     out: Path | None = None  # the run folder; None: a new one under runs/
     errors: str = "realistic"  # one of errors.PROFILES
     camera: str = "off"  # one of CAMERAS
