@@ -13,10 +13,10 @@ from common.bus import Bus, LocalBus
 from common.constants import STATUS_RATE_HZ
 from common.errors import ErrorCode
 from common.messages import STATUS, Status
+from common.pace import LATE_S, Pace
 
 _STATM = Path("/proc/self/statm")
-# A step that comes a little early still counts, or a node of 0.1 s period would report at half the rate
-_EARLY_S = 0.005
+MEMORY_PERIOD_S = 1.0  # reading it costs more than all else in a status
 
 
 def resident_memory_kb() -> int:
@@ -27,20 +27,11 @@ def resident_memory_kb() -> int:
         return 0
 
 
-class StatusPace:
-    """When the next status is due: STATUS_RATE_HZ on the average, however unevenly `due` is called."""
+class StatusPace(Pace):
+    """When the next status is due."""
 
     def __init__(self) -> None:
-        self.due_s = float("-inf")  # the next one
-
-    def due(self, now_s: float, urgent: bool = False) -> bool:
-        """Whether to publish now; an urgent status is always due."""
-        if not urgent and now_s < self.due_s - _EARLY_S:
-            return False
-        period_s = 1.0 / STATUS_RATE_HZ
-        on_time = not urgent and now_s - self.due_s < period_s
-        self.due_s = (self.due_s if on_time else now_s) + period_s
-        return True
+        super().__init__(1.0 / STATUS_RATE_HZ)
 
 
 class StatusReporter:
@@ -50,7 +41,8 @@ class StatusReporter:
         self._topic = STATUS[module]
         self._log = logging.getLogger(module)
         self._heartbeat_count = 0
-        self._pace = StatusPace()
+        self._pace, self._memory_pace = StatusPace(), Pace(MEMORY_PERIOD_S)
+        self._memory_kb = 0
         self._last: tuple[str, ErrorCode, bool] | None = None  # as published
         self._logged: tuple[str, ErrorCode, bool] | None = None  # as logged
 
@@ -58,6 +50,11 @@ class StatusReporter:
     def due_s(self) -> float:
         """When the next status is due (s): `report` must be called then, whether something has happened or not."""
         return self._pace.due_s
+
+    @property
+    def latest_s(self) -> float:
+        """Like `due_s`, for a node that messages step about as often: the status waits for the next of these steps."""
+        return self._pace.due_s + LATE_S
 
     def report(
         self,
@@ -84,7 +81,12 @@ class StatusReporter:
         if not self._pace.due(now_s, urgent):
             return
         if memory_kb is None:
-            # Nodes in lockstep share one process: none has memory of its own, and a run must repeat to the bit
-            memory_kb = 0 if isinstance(bus, LocalBus) else resident_memory_kb()
+            memory_kb = self._own_memory_kb(bus, now_s)
         self._last = current
         bus.publish(self._topic, Status(now_s, state, int(error), memory_kb, ready, self._heartbeat_count, detail))
+
+    def _own_memory_kb(self, bus: Bus, now_s: float) -> int:
+        # Nodes in lockstep share one process: none has memory of its own, and a run must repeat to the bit
+        if not isinstance(bus, LocalBus) and self._memory_pace.due(now_s):
+            self._memory_kb = resident_memory_kb()
+        return self._memory_kb

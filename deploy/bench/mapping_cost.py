@@ -71,7 +71,7 @@ class InputBus:
 
 
 class Drive:
-    """The node with its worker; `report` publishes one report of the bridge and steps the node until the next."""
+    """The node with its worker; `report` publishes one report of the bridge and steps the node, as it makes it due."""
 
     def __init__(self, out: Bus | None) -> None:
         self.worker = ProcessWorker()
@@ -83,11 +83,9 @@ class Drive:
         self._bus.now_s = odometry.t_s
         self._bus.feed(ODOMETRY, odometry)
         self._bus.feed(RANGES, ranges)
-        for _ in range(round(1.0 / SENSOR_RATE_HZ / self._node.period_s)):
-            began_s = time.thread_time()
-            self._node.step(cast(Bus, self._bus), self._bus.now_s)
-            self.step_s.append(time.thread_time() - began_s)
-            self._bus.now_s += self._node.period_s
+        began_s = time.thread_time()
+        self._node.step(cast(Bus, self._bus), self._bus.now_s)
+        self.step_s.append(time.thread_time() - began_s)
 
     def close(self) -> None:
         self._node.close()
@@ -165,8 +163,7 @@ def instructions_per_step() -> float | None:
         command = [valgrind, "--tool=callgrind", "--callgrind-out-file=/dev/null"]
         report = _run([*command, *_own_command("--count", str(reports))], capture_output=True, text=True).stderr
         totals.append(int(re.findall(r"Collected : (\d+)", report)[0]))
-    steps = round((COUNTED_REPORTS[1] - COUNTED_REPORTS[0]) / SENSOR_RATE_HZ / MappingUnit.period_s)
-    return (totals[1] - totals[0]) / steps
+    return (totals[1] - totals[0]) / (COUNTED_REPORTS[1] - COUNTED_REPORTS[0])
 
 
 def bench(quick: bool = False) -> None:
@@ -178,7 +175,7 @@ def bench(quick: bool = False) -> None:
         print("instructions per step: needs valgrind (apt install valgrind)")
         return
     slow, fast = (1000 * count * A8_INSTRUCTIONS / (A8_HZ * rate) for rate in A8_PER_CYCLE)
-    period_ms = 1000 * MappingUnit.period_s
+    period_ms = 1000 / SENSOR_RATE_HZ
     print(
         f"instructions per step {count / 1e6:.2f} million (callgrind, x86-64); on a Cortex-A8 at 1 GHz "
         f"{fast:.1f} to {slow:.1f} ms, that is {100 * fast / period_ms:.0f} to {100 * slow / period_ms:.0f} % "

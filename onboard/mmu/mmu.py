@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from common.bus import Bus, alive
+from common.bus import Bus, alive, expires_s
 from common.config import Config
 from common.constants import MAP_RATE_MAX_HZ, MAP_TOLERANCE_M
 from common.errors import ErrorCode
@@ -25,6 +24,7 @@ from common.messages import (
     Topic,
     Trajectory,
 )
+from common.pace import Pace
 from common.status import StatusReporter
 from onboard.mmu.back_end.worker import ProcessWorker, Worker
 from onboard.mmu.map.grid_encoder import GridEncoder
@@ -41,8 +41,8 @@ class MappingUnit:
     """Node "mmu". One map per run: its frame is the pose at the first report."""
 
     name = "mmu"
-    period_s = 0.05
-    wakes_on: tuple[Topic[Any], ...] = ()
+    period_s = 0.15  # longer than that of odometry, which makes nearly every step due
+    wakes_on: tuple[Topic[Any], ...] = (ODOMETRY, RANGES)
 
     def __init__(
         self,
@@ -53,13 +53,14 @@ class MappingUnit:
         """`worker`: where the back end runs; `saved`: a prior map, to continue in."""
         self._slam = Slam(worker, carrier, saved)
         self._status = StatusReporter(self.name)
-        self._map_sent_s = self._grid_begun_s = self._trajectory_sent_s = -math.inf
+        self._map_pace, self._grid_pace = Pace(1.0 / MAP_RATE_MAX_HZ), Pace(GRID_PERIOD_S)
+        self._trajectory_pace = Pace(TRAJECTORY_PERIOD_S)
         self._sent_points = 0
         self._sent_revision = -1
         self._grid_encoder = GridEncoder()
         self._pose: PoseEstimate | None = None
 
-    def step(self, bus: Bus, now_s: float) -> None:
+    def step(self, bus: Bus, now_s: float) -> float:
         for odometry in bus.take(ODOMETRY):
             self._update_pose(bus, odometry)
         for ranges in bus.take(RANGES):
@@ -74,6 +75,8 @@ class MappingUnit:
         ready = fresh and self._pose is not None and self._pose.valid
         error = ErrorCode.OK if ready else ErrorCode.POSE_UNCERTAIN if fresh else ErrorCode.NO_ODOMETRY
         self._status.report(bus, now_s, state="MAPPING" if ready else "WAITING", error=error, ready=ready)
+        # What else is due waits for the next odometry; where none comes, only the status is left to be published
+        return min(expires_s(bus, ODOMETRY, now_s), self._status.latest_s) if fresh else self._status.due_s
 
     def close(self) -> None:
         self._slam.close()
@@ -99,24 +102,20 @@ class MappingUnit:
         bus.publish(POSE, self._pose)
 
     def _publish_map(self, bus: Bus, now_s: float) -> None:
-        changed = self._slam.map.wall_count > self._sent_points or self._slam.map.revision != self._sent_revision
-        if changed and now_s - self._map_sent_s >= 1.0 / MAP_RATE_MAX_HZ:
-            self._map_sent_s = now_s
-            replaced = self._slam.map.revision != self._sent_revision
+        drawn = self._slam.map
+        replaced = drawn.revision != self._sent_revision
+        due = (replaced or drawn.wall_count > self._sent_points) and self._map_pace.due(now_s)
+        if due:
             start = 0 if replaced else self._sent_points
-            walls = self._slam.map.wall_points(start)
-            self._sent_points, self._sent_revision = start + len(walls.points_m), self._slam.map.revision
-            bus.publish(MAP, MapUpdate(now_s, self._slam.map.revision, start, walls.points_m, walls.inferred))
-            if replaced:
-                self._trajectory_sent_s = -math.inf
-        if now_s - self._grid_begun_s >= GRID_PERIOD_S and not self._grid_encoder.busy:
-            self._grid_begun_s = now_s
-            self._grid_encoder.begin(self._slam.map.grid)
+            walls = drawn.wall_points(start)
+            self._sent_points, self._sent_revision = start + len(walls.points_m), drawn.revision
+            bus.publish(MAP, MapUpdate(now_s, drawn.revision, start, walls.points_m, walls.inferred))
+        if not self._grid_encoder.busy and self._grid_pace.due(now_s):
+            self._grid_encoder.begin(drawn.grid)
         grid = self._grid_encoder.advance(now_s)
         if grid is not None:
             bus.publish(GRID, grid)
-        if now_s - self._trajectory_sent_s >= TRAJECTORY_PERIOD_S:
-            self._trajectory_sent_s = now_s
+        if self._trajectory_pace.due(now_s, urgent=due and replaced):
             bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
 
 
