@@ -111,6 +111,7 @@ class MappingUnit:
             self._sent_points, self._sent_revision = start + len(walls.points_m), drawn.revision
             bus.publish(MAP, MapUpdate(now_s, drawn.revision, start, walls.points_m, walls.inferred))
         if not self._grid_encoder.busy and self._grid_pace.due(now_s):
+            drawn.draw_newest()
             self._grid_encoder.begin(drawn.grid)
         grid = self._grid_encoder.advance(now_s)
         if grid is not None:

@@ -5,7 +5,7 @@ In every step, the front end
 2. extracts features from the ranges: echoes on walls with their normals, free rays, ranges to a wall ahead
    (`range_features`), and stores them relative to a keyframe every 0.4 m (`keyframe_map`),
 3. hands what is new over to the back end, which runs beside the steps, and takes its corrections (`back_end_link`),
-4. draws the newest observations into the published map (`drawn_map`).
+4. keeps the published map up (`drawn_map`), which draws the newest observations when it is asked for.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ class Slam:
             self._correct(correction)
         if self._back_end.due(self._odometry.path_m):
             self._back_end.hand_over(t_s, self._odometry.path_m, self._last_seen())
-        self._drawn.draw_newest()
+        self._drawn.keep_up()
 
     # Keyframes
 

@@ -1,4 +1,4 @@
-"""The map as it is published: occupancy grid and wall points, drawn a few observations at a time."""
+"""The map as it is published: occupancy grid and wall points, drawn when it is published, some observations at a time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from onboard.mmu.map.keyframes import in_map
 from onboard.mmu.map.occupancy import OccupancyGrid
 from onboard.mmu.map.wall_points import WallPoints, WallStore
 
-# What a step draws at most of a prior map, or of what a correction left over: a step must stay short
+# What is drawn at once at most: a step must stay short. One ray costs nearly as much as ten
 DRAW_RAYS = 40
 DRAW_ECHOES = 1000
 PLACE_ECHOES = 4000
@@ -27,8 +27,14 @@ class DrawnMap:
         self._placed = 0  # echoes among the wall points
         self._drawn = Counts()  # echoes and rays in the grid
 
+    def keep_up(self) -> None:
+        """To be called in every step: draws where so much waits that it takes several steps."""
+        echoes, rays = len(self._keyframes.echoes), len(self._keyframes.rays)
+        if echoes - self._drawn.echoes >= DRAW_ECHOES or rays - self._drawn.rays >= DRAW_RAYS:
+            self.draw_newest()
+
     def draw_newest(self) -> None:
-        """Bring the grid up to the newest echoes and rays."""
+        """Bring the grid up to the newest echoes and rays, or nearer to them where many are left."""
         drawn = self._drawn
         echoes = self._keyframes.echoes.rows(drawn.echoes, drawn.echoes + DRAW_ECHOES)
         rays = self._keyframes.rays.rows(drawn.rays, drawn.rays + DRAW_RAYS)

@@ -71,8 +71,8 @@ class KeyframeMap:
     def in_keyframe(self, t_s: float, place: tuple[float, float]) -> tuple[int, float, float]:
         """A place (odom) relative to the keyframe of its time: keyframe, x and y."""
         node = self._keyframe_at(t_s)
-        x_m, y_m = self.keyframes[node].odom.inverse().transform(place)
-        return node, float(x_m), float(y_m)
+        seen = self.keyframes[node].odom.between(Pose2(*place, 0.0))
+        return node, seen.x_m, seen.y_m
 
     def trajectory(self) -> tuple[FloatArray, FloatArray]:
         """Times (K,) and poses (K, 3) of the keyframes as they lie now."""
@@ -88,7 +88,7 @@ class KeyframeMap:
         node, x_m, y_m = self.in_keyframe(t_s, place)
         keyframe = self.keyframes[node]
         turned_rad = wrap_angle(direction_rad - keyframe.odom.heading_rad)
-        store.append(np.array([[node, keyframe.path_m, x_m, y_m, turned_rad, length_m]]))
+        store.append([[node, keyframe.path_m, x_m, y_m, turned_rad, length_m]])
 
     def _keyframe_at(self, t_s: float) -> int:
         for node in range(len(self.keyframes) - 1, 0, -1):

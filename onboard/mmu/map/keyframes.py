@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from common.geometry import FloatArray, Points, Pose2
 from onboard.mmu.map.growing_rows import GrowingRows
@@ -46,7 +47,7 @@ class ObservationStore:
     def __len__(self) -> int:
         return len(self._kept)
 
-    def append(self, rows: FloatArray) -> None:
+    def append(self, rows: npt.ArrayLike) -> None:
         """(N, 6) more."""
         self._kept.append(rows)
 
@@ -95,4 +96,6 @@ def in_map(rows: FloatArray, poses: FloatArray) -> tuple[Points, FloatArray]:
     p = poses[rows[:, 0].astype(int)]
     c, s = np.cos(p[:, 2]), np.sin(p[:, 2])
     x, y = rows[:, 2], rows[:, 3]
-    return np.stack([p[:, 0] + c * x - s * y, p[:, 1] + s * x + c * y], axis=1), rows[:, 4] + p[:, 2]
+    points = np.empty((len(rows), 2))
+    points[:, 0], points[:, 1] = p[:, 0] + c * x - s * y, p[:, 1] + s * x + c * y
+    return points, rows[:, 4] + p[:, 2]
