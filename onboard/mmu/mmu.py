@@ -110,12 +110,12 @@ class MappingUnit:
             walls = drawn.wall_points(start)
             self._sent_points, self._sent_revision = start + len(walls.points_m), drawn.revision
             bus.publish(MAP, MapUpdate(now_s, drawn.revision, start, walls.points_m, walls.inferred))
-        if not self._grid_encoder.busy and self._grid_pace.due(now_s):
-            drawn.draw_newest()
-            self._grid_encoder.begin(drawn.grid)
         grid = self._grid_encoder.advance(now_s)
         if grid is not None:
             bus.publish(GRID, grid)
+        elif not self._grid_encoder.busy and self._grid_pace.due(now_s):
+            drawn.draw_newest()
+            self._grid_encoder.begin(drawn.grid)
         if self._trajectory_pace.due(now_s, urgent=due and replaced):
             bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
 

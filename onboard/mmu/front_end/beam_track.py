@@ -165,9 +165,10 @@ class BeamTrack:
             return None
         axis_rad = centre.pose.heading_rad + self.bearing_rad
         c, s = cos(axis_rad), sin(axis_rad)
-        place = np.array([(n.pose.x_m - centre.pose.x_m, n.pose.y_m - centre.pose.y_m) for n in near])
+        here = centre.pose
+        place = np.array([(n.pose.x_m - here.x_m, n.pose.y_m - here.y_m) for n in near])
         at = place @ np.array([[c, -s], [s, c]])
-        turned = np.array([wrap_angle(n.pose.heading_rad - centre.pose.heading_rad) for n in near])
+        turned = np.array([wrap_angle(n.pose.heading_rad - here.heading_rad) for n in near])
         found = locate(self.beam, self.normals, at, turned, np.array([n.range_m for n in near]), index - first)
         if found is None:
             return None

@@ -16,7 +16,7 @@ beam that looks along b:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians, sqrt
+from math import inf, isfinite, radians, sqrt
 
 import numpy as np
 
@@ -70,44 +70,45 @@ def locate(
     `at_m` (N, 2) and `turned_rad` (N,) are the sonar's places and turns relative to the centre's, in the frame of its
     axis; `normals` is `beam.normals()`.
     """
-    off = np.abs(normals[:, None] - turned_rad[None, :])
+    count = len(ranges_m)
+    off = np.abs(normals[:, None] - turned_rad)
     beyond = np.maximum(off - beam.half_width_rad, 0.0)
     c, s = np.cos(normals), np.sin(normals)
-    distance = ranges_m[None, :] * np.cos(beyond) + c[:, None] * at_m[None, :, 0] + s[:, None] * at_m[None, :, 1]
-    mean = distance.mean(axis=1)
-    square = ((distance - mean[:, None]) ** 2).sum(axis=1)
+    distance = ranges_m * np.cos(beyond) + c[:, None] * at_m[:, 0] + s[:, None] * at_m[:, 1]
+    mean = np.add.reduce(distance, axis=1) / count
+    square = np.add.reduce((distance - mean[:, None]) ** 2, axis=1)
     sigma_m = max(beam.step_m / sqrt(12.0), 0.01, RANGE_SD_SHARE * float(ranges_m[centre]))
     limit_rad = max(beam.half_width_rad + 1.5 * ANGLE_STEP_RAD, INCIDENCE_MAX_RAD if beam.narrow else 0.0)
-    in_beam = off.max(axis=1) <= limit_rad
-    chi2 = np.where(in_beam, square / sigma_m**2, np.inf)
+    chi2 = square / sigma_m**2
+    chi2[np.maximum.reduce(off, axis=1) > limit_rad] = inf  # out of the beam
     best = int(chi2.argmin())
-    fit_sd_m = sqrt(float(square[best]) / max(len(ranges_m) - 2, 1))
+    fit_sd_m = sqrt(float(square[best]) / max(count - 2, 1))
     at_rim = best in (0, len(normals) - 1)  # what echoed lies outside of the beam
-    if not np.isfinite(chi2[best]) or fit_sd_m > FIT_SD_MAX_M or at_rim:
+    if fit_sd_m > FIT_SD_MAX_M or at_rim or not isfinite(chi2[best]):
         return None
-    found = _peak(normals, chi2, best, off.mean(axis=1) / max(beam.half_width_rad, NARROW_RAD))
+    found = _peak(normals, chi2, best, np.add.reduce(off, axis=1) / count / max(beam.half_width_rad, NARROW_RAD))
     if found is None:
         return None
     normal_rad, sd_rad = found
     direction_rad = min(max(normal_rad, -beam.half_width_rad), beam.half_width_rad)
     # The mean over the samples is steadier than the one range
     range_m = float(np.interp(normal_rad, normals, mean)) / float(np.cos(normal_rad - direction_rad))
-    return EchoDirection(normal_rad, sd_rad, direction_rad, range_m, fit_sd_m / sqrt(len(ranges_m)))
+    return EchoDirection(normal_rad, sd_rad, direction_rad, range_m, fit_sd_m / sqrt(count))
 
 
 def _peak(normals: FloatArray, chi2: FloatArray, best: int, off_axis: FloatArray) -> tuple[float, float] | None:
     """The normal that fits best and its standard deviation; None where two that lie apart fit alike."""
     likely = np.exp(-0.5 * (chi2 - chi2[best] + 2.0 * off_axis**2))
     far = np.abs(normals - normals[best]) > AMBIGUOUS_RAD
-    total = float(likely.sum())
-    if float(likely[far].sum()) > AMBIGUOUS_SHARE * total:
+    total = float(np.add.reduce(likely))
+    if float(np.add.reduce(likely[far])) > AMBIGUOUS_SHARE * total:
         return None
-    mean = float((likely * normals).sum()) / total
-    sd = sqrt(float((likely * (normals - mean) ** 2).sum()) / total)
+    mean = float(np.add.reduce(likely * normals)) / total
+    sd = sqrt(float(np.add.reduce(likely * (normals - mean) ** 2)) / total)
     if sd < SHARP_RAD and 0 < best < len(normals) - 1:
         before, here, after = chi2[best - 1 : best + 2].tolist()
         bend = before - 2 * here + after
-        if np.isfinite(bend) and bend > 0:
+        if 0 < bend < inf:
             shift = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
             return float(normals[best]) + shift * ANGLE_STEP_RAD, ANGLE_STEP_RAD * sqrt(2.0 / bend)
     return mean, max(sd, ANGLE_STEP_RAD / 4)
