@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import pairwise
 from math import nan, pi, radians
 from typing import Any
 
@@ -177,7 +178,7 @@ def test_uncertainty_grows_with_the_path() -> None:
         odometry.predict(0.1, 0.0, distance_variance=1e-5, turn_variance=1e-4, drift_variance=1e-7)
         odometry.correct(odometry.yaw_rad, 1e-6)
         sd_m.append((odometry.pxx, odometry.pyy))
-    assert all(0.0 < x0 < x1 and y0 < y1 for (x0, y0), (x1, y1) in zip(sd_m, sd_m[1:], strict=False))
+    assert all(0.0 < x0 < x1 and y0 < y1 for (x0, y0), (x1, y1) in pairwise(sd_m))
 
 
 def test_a_gyro_that_drifts_is_followed_by_the_drift_and_not_by_the_heading() -> None:

@@ -1,6 +1,6 @@
 """Extended Kalman filter over a robot's pose and the drift of its gyro's yaw, by wheels and gyro.
 
-Written out in plain numbers: a matrix library takes ten times as long for four states, and this runs ten times a second.
+Written out in plain numbers: for four states a matrix library takes ten times as long.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The map as it is published: occupancy grid and wall points, drawn when it is published, some observations at a time."""
+"""The map as it is published: occupancy grid and wall points, drawn when they are wanted, a part at a time."""
 
 from __future__ import annotations
 
