@@ -22,7 +22,7 @@ from common.config import CommSection, PoiSection
 from common.messages import TOPICS, Topic
 from common.node import Node
 from common.recording import Losses, RecordedMessage, RecordingSubscriber
-from common.zenoh_inbox import Reader
+from common.zenoh_inbox import Decoder
 from offboard.command_center import log_book, mini_map
 from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
 from offboard.command_center.widgets import module_table, robot_panel, stop_bar
@@ -56,7 +56,7 @@ class WireBus(LocalBus):
 
     def __init__(self, mesh: LocalMesh, name: str) -> None:
         super().__init__(mesh, name, boot_id=1)
-        self.mesh, self.reader = mesh, Reader()
+        self.mesh, self.reader = mesh, Decoder()
         self._recording: RecordingSubscriber | None = None
         self._newest: dict[str, bytes] = {}
 
@@ -66,7 +66,7 @@ class WireBus(LocalBus):
             self._newest[topic.key] = data
         if topic.key in self.recorded_keys and self.name not in topic.consumers:
             return  # nobody decodes it here
-        envelope = self.reader.read(topic, data)
+        envelope = self.reader.decode(topic, data)
         if envelope is not None:
             self._receive(topic, envelope.payload)
 
