@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import deque
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol, TypeVar
 
 from common.codec import encode
@@ -68,26 +67,21 @@ def expires_s(bus: Bus, topic: Topic[Any], now_s: float) -> float:
     return now_s + remaining_s if remaining_s >= 0.0 else float("inf")
 
 
-@dataclass(slots=True)
-class _Inbox:
-    newest: Any = None
-    arrived_s: float = float("-inf")
-
-
 class LocalMesh:
     """Joins the buses of nodes that run in one program; messages are passed as they are, in order.
 
     Boot ids follow from the seed, so that a recorded run repeats to the bit.
     """
 
-    def __init__(self, seed: int = 0) -> None:
+    def __init__(self, seed: int = 0, bus: Callable[[LocalMesh, str, int], LocalBus] | None = None) -> None:
+        """`bus` makes an endpoint of this mesh, a name and a boot id; a `LocalBus` without it."""
         self._endpoints: list[LocalBus] = []
-        self._seed = seed
+        self._seed, self._bus = seed, bus or LocalBus
         self.now_s = 0.0
 
     def endpoint(self, name: str) -> LocalBus:
         boot_id = int.from_bytes(hashlib.sha256(f"{self._seed}/{name}".encode()).digest()[:6])
-        bus = LocalBus(self, name, boot_id)
+        bus = self._bus(self, name, boot_id)
         self._endpoints.append(bus)
         return bus
 
@@ -109,7 +103,7 @@ class LocalBus:
         self._boot_id = boot_id
         self._sequences: dict[str, int] = {}
         self._unfit = Undecodable(UNFIT)
-        self._inboxes: dict[str, _Inbox] = {}
+        self._newest: dict[str, tuple[Any, float]] = {}  # by topic: the payload, and when it arrived
         self._queues: dict[str, deque[Any]] = {}
         self._wakes_on: frozenset[str] = frozenset()
         self.woken = False  # a message came of those to wake on
@@ -129,9 +123,8 @@ class LocalBus:
         self._mesh.deliver(topic, payload, message)
 
     def latest(self, topic: Topic[P]) -> P | None:
-        inbox = self._inboxes.get(topic.key)
-        newest: P | None = inbox.newest if inbox else None
-        return newest
+        newest = self._newest.get(topic.key)
+        return None if newest is None else newest[0]
 
     def take(self, topic: Topic[P]) -> list[P]:
         queue = self._queues.get(topic.key)
@@ -144,8 +137,8 @@ class LocalBus:
         return messages
 
     def age_s(self, topic: Topic[Any]) -> float:
-        inbox = self._inboxes.get(topic.key)
-        return self._mesh.now_s - inbox.arrived_s if inbox else float("inf")
+        newest = self._newest.get(topic.key)
+        return float("inf") if newest is None else self._mesh.now_s - newest[1]
 
     def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
         self.recorded_keys.update(topic.key for topic in topics)
@@ -158,9 +151,10 @@ class LocalBus:
         return {}
 
     def _receive(self, topic: Topic[Any], payload: Any) -> None:
-        inbox = self._inboxes.setdefault(topic.key, _Inbox())
-        inbox.newest, inbox.arrived_s = payload, self._mesh.now_s
-        self.woken = self.woken or topic.key in self._wakes_on
-        queue = self._queues.get(topic.key)
+        key = topic.key
+        self._newest[key] = payload, self._mesh.now_s
+        if key in self._wakes_on:
+            self.woken = True
+        queue = self._queues.get(key)
         if queue is not None:
             queue.append(payload)

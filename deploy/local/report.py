@@ -40,7 +40,7 @@ def read_steps(folder: Path) -> dict[str, StepTimes]:
     for file in sorted(folder.glob(f"*{STEPS_SUFFIX}")):
         with suppress(OSError, ValueError, KeyError, TypeError):
             figures = json.loads(file.read_text(encoding="utf-8"))
-            times = StepTimes(figures["mean_ms"], figures["p99_ms"], figures["max_ms"])
+            times = StepTimes(*(figures[f"{name}_ms"] for name in ("mean", "p99", "p999", "max")))
             steps[file.name.removesuffix(STEPS_SUFFIX)] = times
     return steps
 

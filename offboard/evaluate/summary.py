@@ -24,19 +24,20 @@ _log = logging.getLogger("summary")
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class StepTimes:
-    """How long the steps of a node took."""
+    """How long the steps of a node took, in processor time of its thread."""
 
     mean_ms: float
     p99_ms: float
+    p999_ms: float
     max_ms: float
 
     @classmethod
     def of(cls, durations_s: Sequence[float]) -> StepTimes:
         """From the duration of every step; zeros when there was none."""
         if not len(durations_s):
-            return cls(0.0, 0.0, 0.0)
+            return cls(0.0, 0.0, 0.0, 0.0)
         ms = np.asarray(durations_s, dtype=np.float64) * 1000
-        return cls(*(round(float(v), 4) for v in (ms.mean(), np.percentile(ms, 99), ms.max())))
+        return cls(*(round(float(v), 4) for v in (ms.mean(), *np.percentile(ms, (99.0, 99.9)), ms.max())))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

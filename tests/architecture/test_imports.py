@@ -89,7 +89,7 @@ ROOMS = {
     "onboard/poi": (".", "doors", "signs", "placement", "camera"),
     "offboard/simulator": (
         *(".", "run", "camera", "physics", "sensors", "electronics", "building"),
-        "error_profiles",  # a module: every room draws its errors from it
+        *("error_profiles", "stopwatch"),  # modules: every room draws its errors from it, and is on its accounts
     ),
     "offboard": (
         *(".", "simulator", "command_center", "visualizer", "recorder"),

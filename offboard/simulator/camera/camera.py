@@ -22,6 +22,7 @@ from common.constants import CAMERA_FIELD_OF_VIEW_RAD
 from offboard.simulator.error_profiles import PROFILES, ErrorProfile, random_stream
 from offboard.simulator.physics.mujoco_model import CAMERA_NAME
 from offboard.simulator.physics.world import World
+from offboard.simulator.stopwatch import CAMERA
 from onboard.poi.camera.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Image
 
 _BRIGHTNESS_PERIOD_S = 47.0
@@ -101,11 +102,14 @@ class Camera:
     def _capture(self, width_px: int, height_px: int) -> Image | None:
         if self._rng.random() < self._profile.camera_loss:
             return None
+        before = self._world.stopwatch.enter(CAMERA)
         image = self._blurred(self._draw(width_px, height_px), width_px)
         gain = self._brightness()
         if gain != 1.0:
             image = cv2.convertScaleAbs(image, alpha=gain)
-        return self._noisy(image)
+        image = self._noisy(image)
+        self._world.stopwatch.enter(before)
+        return image
 
     def _draw(self, width_px: int, height_px: int) -> Image:
         self._gl.make_current()

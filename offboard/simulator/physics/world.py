@@ -23,6 +23,7 @@ from offboard.simulator.physics.drive_train import DriveTrain
 from offboard.simulator.physics.mujoco_model import Scenery, build_model
 from offboard.simulator.sensors.imu import Imu
 from offboard.simulator.sensors.sonar import Circle, EchoModel, SonarBank
+from offboard.simulator.stopwatch import FIRMWARE, IMU, PHYSICS, SONARS, Stopwatch
 
 STEP_S = 0.005
 _STEP_US = 5000
@@ -54,6 +55,7 @@ class World:
         line: Line | None = None,
         events: Events | None = None,
         scenery: Scenery | None = None,
+        stopwatch: Stopwatch | None = None,
     ) -> None:
         """`start_index` counts from 0; `scenery` is what a camera sees (`scenery.build_scenery`), None without one.
 
@@ -65,6 +67,7 @@ class World:
             )
         self.floor, self.seed, self.board = floor, seed, board
         self._line, self._events, self._scenery = line, events or Events(), scenery or Scenery()
+        self.stopwatch = stopwatch or Stopwatch()
         errors = draw_run_errors(profile, seed)
         self.errors = errors
         self._drive_train = DriveTrain(errors, random_stream(seed, "slip"), STEP_S)
@@ -114,28 +117,33 @@ class World:
 
     def step(self) -> None:
         """5 ms of world and firmware."""
-        self._steps += 1
-        now_us = self._steps * _STEP_US
-        if self._changes_s and self._changes_s[0] <= self.time_s:
-            self._changes_s = [t for t in self._changes_s if t > self.time_s]
+        enter, board = self.stopwatch.enter, self.board
+        enter(PHYSICS)
+        self._steps = steps = self._steps + 1
+        time_s = steps * STEP_S
+        if self._changes_s and self._changes_s[0] <= time_s:
+            self._changes_s = [t for t in self._changes_s if t > time_s]
             self._rebuild()
-        if self._events.people and self._steps % _PEOPLE_STEPS == 0:
+        if self._events.people and steps % _PEOPLE_STEPS == 0:
             self._move_people()
         self._move_body()
-        board = self.board
         left, right = self._drive_train.edges()
         if left or right:
             board.encoder_edges(left, right)
-        if self._steps % _IMU_STEPS == 0:
+        if steps % _TRUTH_STEPS == 0:
+            self._record_truth()
+        if steps % _IMU_STEPS == 0:
+            enter(IMU)
             self._sample_imu()
-        board.run(now_us - self._power_on_us)
+        enter(FIRMWARE)
+        board.run(steps * _STEP_US - self._power_on_us)
         fired = board.fired()
         if fired:
+            enter(SONARS)
             self._ping(fired)
+            enter(FIRMWARE)
         if self._line is not None:
-            self._line.exchange(board, self.time_s)
-        if self._steps % _TRUTH_STEPS == 0:
-            self._record_truth()
+            self._line.exchange(board, time_s)
 
     def reset_board(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
         """The board restarts here and now: its clock begins at 0, and echoes that have not arrived yet are lost."""

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TypeVar
 
 from common.bus import LocalBus, LocalMesh
 from common.config import Config, with_camera
 from common.errors import StartError
-from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView
+from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView, Topic
 from common.node import Agenda, FileNode, Node
 from offboard.evaluate.run_text import HEADLINE, figures, progress
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
@@ -26,6 +28,7 @@ from offboard.simulator.physics.world import STEP_S
 from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder
 from offboard.simulator.run.route import RouteDriver
 from offboard.simulator.run.simulation import Simulation
+from offboard.simulator.stopwatch import BESIDE, BUS, REST, WORLD, Stopwatch
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
@@ -40,15 +43,30 @@ RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the databa
 PROGRESS_S = 5.0  # of wall time
 _ROUNDING_S = 1e-9
 
+P = TypeVar("P")
+
+
+class _Bus(LocalBus):
+    """Encodes and delivers on an account of its own, not on that of the node that publishes."""
+
+    def __init__(self, stopwatch: Stopwatch, mesh: LocalMesh, name: str, boot_id: int) -> None:
+        super().__init__(mesh, name, boot_id)
+        self._stopwatch = stopwatch
+
+    def publish(self, topic: Topic[P], payload: P) -> None:
+        before = self._stopwatch.enter(BUS)
+        super().publish(topic, payload)
+        self._stopwatch.enter(before)
+
 
 class _Slot:
-    """A node on the mesh, when it is due and how long its steps took."""
+    """A node on the mesh, when it is due and how long its steps took (processor time, as in `common/process.py`)."""
 
-    def __init__(self, node: Node, bus: LocalBus, port: HostPort) -> None:
+    def __init__(self, node: Node, bus: LocalBus, port: HostPort, stopwatch: Stopwatch) -> None:
         self.node = node
         self.frozen = False
         self.durations_s: list[float] = []
-        self._bus, self._agenda = bus, Agenda(node, 0.0)
+        self._bus, self._agenda, self._stopwatch = bus, Agenda(node, 0.0), stopwatch
         self._port = port if isinstance(node, FileNode) else None
         bus.wake_on(node.wakes_on)
 
@@ -60,10 +78,12 @@ class _Slot:
         if self.frozen:
             return
         self._bus.woken = False
-        began = time.perf_counter()
+        before = self._stopwatch.enter(self.node.name)
+        began_s = time.thread_time()
         due_s = self.node.step(self._bus, now_s)
-        self.durations_s.append(time.perf_counter() - began)
+        self.durations_s.append(time.thread_time() - began_s)
         self._agenda.stepped(now_s, due_s)
+        self._stopwatch.enter(before)
 
 
 class Lockstep:
@@ -74,10 +94,10 @@ class Lockstep:
     ) -> None:
         """`beside` does the work that has a process of its own on the robot; no node's step times contain it."""
         self.simulation, self._beside = simulation, beside
-        self.mesh = LocalMesh(seed)
+        self.stopwatch = stopwatch = simulation.stopwatch
+        self.mesh = LocalMesh(seed, partial(_Bus, stopwatch))
         self.operator = self.mesh.endpoint("command_center")
-        self.slots = [_Slot(node, self.mesh.endpoint(node.name), simulation.port) for node in nodes]
-        self.world_s = 0.0  # wall time spent in the world
+        self.slots = [_Slot(node, self.mesh.endpoint(node.name), simulation.port, stopwatch) for node in nodes]
 
     @property
     def now_s(self) -> float:
@@ -85,14 +105,14 @@ class Lockstep:
 
     def advance(self) -> None:
         """One step of the world, STEP_S, then of every node that is due."""
-        began = time.perf_counter()
         self.simulation.advance(self.now_s + STEP_S)
-        self.world_s += time.perf_counter() - began
         now_s = self.now_s
         self.mesh.now_s = now_s
         for slot in self.slots:
             slot.run(now_s)
+        self.stopwatch.enter(BESIDE)
         self._beside()
+        self.stopwatch.enter(REST)
 
     def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
         """Advance until the condition holds (True) or so much simulated time is over (False)."""
@@ -203,15 +223,29 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
 
 
 def _closing_line(summary: dict[str, object], robot: Lockstep, folder: object) -> str:
-    shares = ", ".join(f"{slot.node.name} {sum(slot.durations_s):.1f} s" for slot in robot.slots)
     measured = ", ".join(figures(summary, (*HEADLINE, "ratio")))
     wall_s = summary["wall_time_s"]
     assert isinstance(wall_s, float)
     return (
         f"{summary['outcome'] if summary['finished'] else 'NOT finished'} after {robot.now_s:.0f} s in {wall_s:.1f} s "
         f"({robot.now_s / max(wall_s, 1e-3):.1f} times real time): {measured}\n"
-        f"wall time: world {robot.world_s:.1f} s, {shares}\nrun folder {folder}"
+        f"wall time: {_shares(robot.stopwatch.spent_s())}\nrun folder {folder}"
     )
+
+
+def _shares(spent_s: Mapping[str, float]) -> str:
+    """Every account; those of the world together, and then one by one."""
+    world = {account: spent_s[account] for account in WORLD if account in spent_s}
+    others = {account: seconds for account, seconds in spent_s.items() if account not in world}
+
+    def listed(accounts: Mapping[str, float]) -> str:
+        return ", ".join(f"{account} {seconds:.1f} s" for account, seconds in sorted(accounts.items(), key=_dearest))
+
+    return f"world {sum(world.values()):.1f} s ({listed(world)}), {listed(others)}"
+
+
+def _dearest(account: tuple[str, float]) -> float:
+    return -account[1]
 
 
 def _print(text: str) -> None:

@@ -23,6 +23,7 @@ from offboard.simulator.electronics.serial_line import HostPort, SerialLine
 from offboard.simulator.error_profiles import PROFILES, random_stream
 from offboard.simulator.physics.world import STEP_S, World
 from offboard.simulator.run.options import CAMERAS
+from offboard.simulator.stopwatch import REST, Stopwatch
 
 _ROUNDING_S = 1e-9
 
@@ -56,7 +57,8 @@ class Simulation:
         self.port = HostPort(line)
         scenery = None if camera == "off" else build_scenery(floor, camera, seed)
         self.camera: Camera | None = None
-        self.world = World(floor, start_index, seed, profile, board, self._pty or line, events, scenery)
+        self.stopwatch = Stopwatch()
+        self.world = World(floor, start_index, seed, profile, board, self._pty or line, events, scenery, self.stopwatch)
         if camera != "off":
             self._open_camera(camera)
 
@@ -71,6 +73,7 @@ class Simulation:
         steps = int((until_s - self.world.time_s + _ROUNDING_S) / STEP_S)
         for _ in range(steps):
             self.world.step()
+        self.stopwatch.enter(REST)
 
     def write_truth(self, run_dir: Path) -> None:
         """`truth.tum`: the true poses at 10 Hz in the floor's frame, on the clock of the world."""
