@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import sqlite3
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -75,6 +75,8 @@ _COUNT_SENDER = (
 )
 
 TOPIC_OF_KEY: Mapping[str, Topic[Any]] = {topic.key: topic for topic in TOPICS}
+
+_Checked = tuple[RecordedMessage, Any, str | None]  # with its payload, or the problem with it
 
 _log = logging.getLogger("recorder")
 
@@ -192,14 +194,13 @@ class RunDatabase:
         """
         result = Result()
         with transaction(self.connection):
-            for message in delivery.messages:
-                self._store_message(message, delivery.arrived_s, result)
+            self._store_messages(delivery.messages, delivery.arrived_s, result)
             losses = [(*source, first, last, 0) for source, (first, last) in delivery.dropped.items()]
             self.connection.executemany(_COUNT_SENDER, losses)
             if delivery.summary is not None:
                 kept = (delivery.summary.row, delivery.summary.data)
                 self.connection.execute("UPDATE recorder SET files_row = ?, files = ?", kept)
-            result.row = self.connection.execute("SELECT coalesce(max(row), 0) FROM messages").fetchone()[0]
+            result.row = self._newest_row()
             self._files.check()
         self._files.check()
         return result
@@ -222,14 +223,34 @@ class RunDatabase:
         begin = f"INSERT INTO recorder VALUES ({recorder_id}, 0, x'');PRAGMA user_version = {SCHEMA_VERSION};"
         self.connection.executescript(f"BEGIN;{tables}{_DROPPED}{begin}COMMIT;")
 
-    def _store_message(self, message: RecordedMessage, arrived_s: float, result: Result) -> None:
-        payload, problem = validate_data(message)
-        t_s = None if payload is None else payload.t_s
-        row = (message.key, message.boot_id, message.sequence, t_s, arrived_s, message.data, problem)
-        if not self.connection.execute(_INSERT, row).rowcount:
-            return
-        self.connection.execute(_COUNT_SENDER, (message.key, message.boot_id, message.sequence, message.sequence, 1))
-        if problem is None:
-            result.stored.append(Stored(TOPIC_OF_KEY[message.key], message.boot_id, payload))
-        else:
-            result.problems[message.key] = problem
+    def _newest_row(self) -> int:
+        row: int = self.connection.execute("SELECT coalesce(max(row), 0) FROM messages").fetchone()[0]
+        return row
+
+    def _store_messages(self, messages: Sequence[RecordedMessage], arrived_s: float, result: Result) -> None:
+        """One statement for all of them, and one for each sender: a hundred messages a second come."""
+        checked = [(message, *validate_data(message)) for message in messages]
+        senders: dict[tuple[str, int], tuple[int, int, int]] = {}
+        for message, payload, problem in self._insert(checked, arrived_s):
+            source, sequence = (message.key, message.boot_id), message.sequence
+            first, newest, stored = senders.get(source, (sequence, sequence, 0))
+            senders[source] = min(first, sequence), max(newest, sequence), stored + 1
+            if problem is None:
+                result.stored.append(Stored(TOPIC_OF_KEY[message.key], message.boot_id, payload))
+            else:
+                result.problems[message.key] = problem
+        self.connection.executemany(_COUNT_SENDER, [(*source, *counts) for source, counts in senders.items()])
+
+    def _insert(self, checked: Sequence[_Checked], arrived_s: float) -> Sequence[_Checked]:
+        """Those that were not there yet."""
+        before = self._newest_row()
+        rows = [
+            (of.key, of.boot_id, of.sequence, None if payload is None else payload.t_s, arrived_s, of.data, problem)
+            for of, payload, problem in checked
+        ]
+        if self.connection.executemany(_INSERT, rows).rowcount == len(rows):
+            return checked
+        query = "SELECT topic, boot_id, sequence FROM messages WHERE row > ?"
+        new = dict.fromkeys(self.connection.execute(query, (before,)))
+        # Each once: of two that are the same only the first was inserted
+        return [one for one in checked if new.pop((one[0].key, one[0].boot_id, one[0].sequence), one) is None]

@@ -5,7 +5,7 @@ Rotation and motion differ by the errors of a run: wheel diameters, track, slip 
 
 from __future__ import annotations
 
-from math import exp, inf, pi, sqrt
+from math import exp, floor, inf, pi, sqrt
 from random import Random
 
 from common.constants import ENCODER_TICKS_PER_TURN, WHEEL_DIAMETER_M, WHEEL_TRACK_M
@@ -35,7 +35,7 @@ class DriveTrain:
         self._slip_sd = self._profile.slip_sd_per_sqrt_m / sqrt(2.0 * SLIP_LENGTH_M)
         self._rim_m_s = [0.0, 0.0]
         self._rolled_m = [0.0, 0.0]
-        self._ticks = [0, 0]
+        self._ticks = 0, 0
         self._slip = [rng.gauss(0.0, self._slip_sd), rng.gauss(0.0, self._slip_sd)]
         self._next_bump_m = self._bump_distance_m()
         self._bump_rad_s = 0.0
@@ -52,20 +52,25 @@ class DriveTrain:
 
     def edges(self) -> tuple[int, int]:
         """Signed quadrature edges of both encoders since the last call."""
-        now = [int(m * self._ticks_per_m // 1) for m in self._rolled_m]
-        left, right = now[0] - self._ticks[0], now[1] - self._ticks[1]
-        self._ticks = now
-        return left, right
+        rolled_m, before = self._rolled_m, self._ticks
+        left, right = floor(rolled_m[0] * self._ticks_per_m), floor(rolled_m[1] * self._ticks_per_m)
+        self._ticks = left, right
+        return left - before[0], right - before[1]
 
     def _wheel_speed(self, wheel: int, pwm: int, enabled: bool, diameter_factor: float) -> float:
         rim_m_s = self._rim_m_s[wheel]
         if enabled:
-            drive = max(abs(pwm) - DEAD_ZONE_PWM, 0) * _SPEED_PER_PWM_M_S
-            rim_m_s += self._motor_response * ((drive if pwm > 0 else -drive) - rim_m_s)
+            if pwm > DEAD_ZONE_PWM:
+                drive_m_s = (pwm - DEAD_ZONE_PWM) * _SPEED_PER_PWM_M_S
+            else:
+                drive_m_s = min(pwm + DEAD_ZONE_PWM, 0) * _SPEED_PER_PWM_M_S
+            rim_m_s += self._motor_response * (drive_m_s - rim_m_s)
+        elif rim_m_s == 0.0:
+            return 0.0
         else:
             loss_m_s = FRICTION_M_S2 * self._step_s
             rim_m_s = max(rim_m_s - loss_m_s, 0.0) if rim_m_s > 0.0 else min(rim_m_s + loss_m_s, 0.0)
-        if abs(rim_m_s) < _STANDING_M_S:
+        if -_STANDING_M_S < rim_m_s < _STANDING_M_S:
             self._rim_m_s[wheel] = 0.0
             return 0.0
         self._rim_m_s[wheel] = rim_m_s
@@ -73,7 +78,10 @@ class DriveTrain:
         self._rolled_m[wheel] += rolled_m
         if self._slip_sd > 0.0:
             share = min(abs(rolled_m) / SLIP_LENGTH_M, 1.0)
-            self._slip[wheel] += -share * self._slip[wheel] + self._rng.gauss(0.0, self._slip_sd * sqrt(2.0 * share))
+            slip = self._slip[wheel]
+            slip += -share * slip + self._rng.gauss(0.0, self._slip_sd * sqrt(2.0 * share))
+            self._slip[wheel] = slip
+            return rim_m_s * diameter_factor * (1.0 + slip)
         return rim_m_s * diameter_factor * (1.0 + self._slip[wheel])
 
     def _bump_distance_m(self) -> float:

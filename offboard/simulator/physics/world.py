@@ -195,7 +195,8 @@ class World:
 
     def _move_body(self) -> None:
         speed_m_s, yaw_rate_rad_s = self._drive_train.step(*self.board.outputs())
-        yaw_rate_rad_s += self._events.hand_turn_rate_rad_s(self.time_s)
+        if self._events.turns:
+            yaw_rate_rad_s += self._events.hand_turn_rate_rad_s(self.time_s)
         middle_rad = self._pose[2] + 0.5 * yaw_rate_rad_s * STEP_S
         ctrl = self._ctrl
         ctrl[0] = speed_m_s * cos(middle_rad)
@@ -204,8 +205,7 @@ class World:
         mujoco.mj_step(self.model, self.data)
         self._pose = tuple(self._qpos.tolist())
         self._velocity = tuple(self._qvel.tolist())
-        touching = self.data.ncon > 0
-        if touching or self._bumper:
+        if self._bumper or self.data.ncon:
             self._touch()
 
     def _touch(self) -> None:

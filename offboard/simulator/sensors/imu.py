@@ -21,25 +21,28 @@ class Imu:
     """One sensor; the world calls `sample` once in each interval of `period_s`."""
 
     def __init__(self, errors: RunErrors, rng: Random, period_s: float) -> None:
-        self._profile, self._rng = errors.profile, rng
+        self._rng, self._white_rad_s = rng, errors.profile.gyro_white_rad_s
         self._scale = errors.gyro_scale_factor
         self._bias_rad_s = list(errors.gyro_bias_rad_s)
         self._walk_rad_s = errors.profile.gyro_walk_rad_s_sqrt_s * sqrt(period_s)
 
     def sample(self, yaw_rate_rad_s: float, forward_m_s2: float, left_m_s2: float) -> ImuCounts:
         """Counts for the means over the last interval: yaw rate in rad/s, accelerations in m/s^2."""
-        gyro = [self._gyro_count(axis, yaw_rate_rad_s if axis == 2 else 0.0) for axis in range(3)]
         ax, ay = _count(forward_m_s2 * ACCEL_COUNTS_PER_M_S2), _count(left_m_s2 * ACCEL_COUNTS_PER_M_S2)
-        return ax, ay, 16384, gyro[0], gyro[1], gyro[2]
+        gx, gy, gz = (self._gyro_count(0, 0.0), self._gyro_count(1, 0.0), self._gyro_count(2, yaw_rate_rad_s))
+        return ax, ay, 16384, gx, gy, gz
 
     def _gyro_count(self, axis: int, rate_rad_s: float) -> int:
+        gauss, bias_rad_s = self._rng.gauss, self._bias_rad_s[axis]
         if self._walk_rad_s > 0.0:
-            self._bias_rad_s[axis] += self._rng.gauss(0.0, self._walk_rad_s)
-        measured_rad_s = rate_rad_s * self._scale + self._bias_rad_s[axis]
-        if self._profile.gyro_white_rad_s > 0.0:
-            measured_rad_s += self._rng.gauss(0.0, self._profile.gyro_white_rad_s)
+            bias_rad_s += gauss(0.0, self._walk_rad_s)
+            self._bias_rad_s[axis] = bias_rad_s
+        measured_rad_s = rate_rad_s * self._scale + bias_rad_s
+        if self._white_rad_s > 0.0:
+            measured_rad_s += gauss(0.0, self._white_rad_s)
         return _count(degrees(measured_rad_s) * GYRO_COUNTS_PER_DEG_S)
 
 
 def _count(value: float) -> int:
-    return min(max(round(value), -32768), 32767)
+    count = round(value)
+    return count if -32768 <= count <= 32767 else min(max(count, -32768), 32767)

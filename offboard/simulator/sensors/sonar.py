@@ -105,7 +105,7 @@ class _Bucket:
             ]
         )
         self._count = len(segments)
-        self._bearing_to_foot_rad = np.arctan2(-normal[:, 1], -normal[:, 0])
+        self._bearing_to_foot_rad: list[float] = np.arctan2(-normal[:, 1], -normal[:, 0]).tolist()
         self._facet_loss_db = (-20.0 * np.log10(np.clip(length_m / WIDE_WALL_M, 1e-3, 1.0))).tolist()
         self._corners = corners
 
@@ -118,18 +118,21 @@ class _Bucket:
         self, x_m: float, y_m: float, bearing_rad: float, gain_db: float, people: Sequence[Circle]
     ) -> float:
         off_wall_m, along_m = self._seen_from_walls(x_m, y_m)
-        off_axis_rad = (self._bearing_to_foot_rad - (bearing_rad - pi)) % (2.0 * pi) - pi
         answering = (off_wall_m > 0.0) & (along_m >= 0.0) & (along_m <= self._length_m)
-        answering &= (off_axis_rad > -_BEAM_EDGE_RAD) & (off_axis_rad < _BEAM_EDGE_RAD)
         targets = []
         for i in answering.nonzero()[0].tolist():
+            to_foot_rad = self._bearing_to_foot_rad[i]
+            off_axis_rad = (to_foot_rad - (bearing_rad - pi)) % (2.0 * pi) - pi
+            if not -_BEAM_EDGE_RAD < off_axis_rad < _BEAM_EDGE_RAD:
+                continue
             range_m = float(off_wall_m[i])
-            if _level_db(range_m, float(off_axis_rad[i]), self._facet_loss_db[i]) + gain_db > 0.0:
-                to_foot_rad = float(self._bearing_to_foot_rad[i])
+            if _level_db(range_m, off_axis_rad, self._facet_loss_db[i]) + gain_db > 0.0:
                 targets.append((range_m, x_m + range_m * cos(to_foot_rad), y_m + range_m * sin(to_foot_rad)))
         for corner_x_m, corner_y_m in self._corners:
             dx_m, dy_m = corner_x_m - x_m, corner_y_m - y_m
             range_m = hypot(dx_m, dy_m)
+            if _level_db(range_m, 0.0, CORNER_LOSS_DB) + gain_db <= 0.0:
+                continue  # not even on the axis
             if _level_db(range_m, atan2(dy_m, dx_m) - bearing_rad, CORNER_LOSS_DB) + gain_db > 0.0:
                 targets.append((range_m, corner_x_m, corner_y_m))
         for person_x_m, person_y_m, radius_m in people:
