@@ -55,11 +55,12 @@ class DatabaseFiles:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._identities = {side: _identity(self._path(side)) for side in _SIDES}
+        self._paths = {side: file.with_name(file.name + side) for side in _SIDES}
+        self._identities = {side: _identity(path) for side, path in self._paths.items()}
 
     def check(self) -> None:
         """Raises DatabaseMovedError when a name leads to another file than before, or to none."""
-        if any(identity != _identity(self._path(side)) for side, identity in self._identities.items()):
+        if any(identity != _identity(self._paths[side]) for side, identity in self._identities.items()):
             raise DatabaseMovedError(f"{self._file} was deleted or replaced")
 
     @property
@@ -73,13 +74,10 @@ class DatabaseFiles:
         aside = next(path for path in free if not path.exists())
         kept = []
         for side, identity in self._identities.items():
-            path = self._path(side)
+            path = self._paths[side]
             if identity is not None and identity == _identity(path):
                 kept.append(path.replace(f"{aside}{side}"))
         return kept
-
-    def _path(self, side: str) -> Path:
-        return self._file.with_name(self._file.name + side)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
