@@ -103,7 +103,7 @@ class LocalBus:
         self._boot_id = boot_id
         self._sequences: dict[str, int] = {}
         self._unfit = Undecodable(UNFIT)
-        self._newest: dict[str, tuple[Any, float]] = {}  # by topic: the payload, and when it arrived
+        self._inbox: dict[str, tuple[Any, float]] = {}  # by topic: the payload, and when it arrived
         self._queues: dict[str, deque[Any]] = {}
         self._wakes_on: frozenset[str] = frozenset()
         self.woken = False  # a message came of those to wake on
@@ -123,7 +123,7 @@ class LocalBus:
         self._mesh.deliver(topic, payload, message)
 
     def latest(self, topic: Topic[P]) -> P | None:
-        newest = self._newest.get(topic.key)
+        newest = self._inbox.get(topic.key)
         return None if newest is None else newest[0]
 
     def take(self, topic: Topic[P]) -> list[P]:
@@ -137,7 +137,7 @@ class LocalBus:
         return messages
 
     def age_s(self, topic: Topic[Any]) -> float:
-        newest = self._newest.get(topic.key)
+        newest = self._inbox.get(topic.key)
         return float("inf") if newest is None else self._mesh.now_s - newest[1]
 
     def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
@@ -152,7 +152,7 @@ class LocalBus:
 
     def _receive(self, topic: Topic[Any], payload: Any) -> None:
         key = topic.key
-        self._newest[key] = payload, self._mesh.now_s
+        self._inbox[key] = payload, self._mesh.now_s
         if key in self._wakes_on:
             self.woken = True
         queue = self._queues.get(key)
