@@ -20,6 +20,7 @@ from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, PERMIT, Permit
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import reserve_port
+from deploy.local.process_table import SHARED
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -176,7 +177,7 @@ def running(pid: int) -> bool:
 
 
 def children_of(run_dir: Path) -> dict[str, int]:
-    """The processes of a run by the name of their module, found by the run folder in their arguments."""
+    """The processes of a run by the names of their modules, found by the run folder in their arguments."""
     found: dict[str, int] = {}
     for folder in Path("/proc").iterdir():
         try:
@@ -184,7 +185,9 @@ def children_of(run_dir: Path) -> dict[str, int]:
         except (FileNotFoundError, ProcessLookupError):
             continue
         if str(run_dir / "process" / "robot.toml") in arguments and "-m" in arguments and running(int(folder.name)):
-            found[arguments[arguments.index("-m") + 1].split(".")[1]] = int(folder.name)
+            package, first = arguments[arguments.index("-m") + 1 :][:2]
+            modules = first.split("+") if package == SHARED else [package.split(".")[1]]
+            found |= dict.fromkeys(modules, int(folder.name))
     return found
 
 
