@@ -74,6 +74,7 @@ def test_no_program_imports_tests() -> None:
         ("serial", ("onboard/bridge",)),
         ("cryptography", ("deploy",)),
         ("mujoco", ("offboard/simulator",)),
+        ("filterpy", ("onboard/mmu",)),
         ("scipy", ("onboard/mmu", "offboard")),
     ],
 )

@@ -12,7 +12,7 @@ import pytest
 from deploy.cli import FAMILIES
 from tests.architecture.project import ROOT
 
-HEAVY = {"scipy", "cv2", "mujoco", "shapely", "textual", "onnxruntime", "starlette"}
+HEAVY = {"scipy", "cv2", "mujoco", "shapely", "textual", "filterpy", "onnxruntime", "starlette"}
 
 
 @pytest.mark.parametrize("family", FAMILIES)

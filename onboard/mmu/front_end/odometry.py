@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from math import cos, hypot, isfinite, radians, sin
 
+import numpy as np
+
 from common.constants import TICK_M, WHEEL_TRACK_M
-from common.geometry import Pose2, wrap_angle
+from common.geometry import FloatArray, Pose2, wrap_angle
 from common.messages import Odometry
-from onboard.mmu.front_end.kalman import YawDriftFilter
+from onboard.mmu.front_end.kalman import ExtendedKalmanFilter
 from onboard.mmu.front_end.wheel_slip import WheelSlip
 
 # Causes of errors, as standard deviations. The sensitivity was not measured
@@ -28,11 +30,12 @@ JUMP_REPORTS = 5  # reports that agree with each other and not with what came be
 
 
 class OdometryFilter:
-    """Feeds on `Odometry` messages of one board session; `pose` is in `odom`."""
+    """Feeds on `Odometry` messages of one board session; `pose` and `covariance` (4, 4) are in `odom`."""
 
     def __init__(self, track_m: float = WHEEL_TRACK_M, tick_m: float = TICK_M) -> None:
         self._track_m, self._tick_m = track_m, tick_m
-        self._filter = YawDriftFilter()
+        self._filter = ExtendedKalmanFilter(dim_x=4, dim_z=1)
+        self._filter.P = np.zeros((4, 4))
         self._last: Odometry | None = None
         self._pose = Pose2(0.0, 0.0, 0.0)
         self._calibration = (0.0, 0.0)  # rad per metre, rad per radian
@@ -47,6 +50,11 @@ class OdometryFilter:
     def pose(self) -> Pose2:
         return self._pose
 
+    @property
+    def covariance(self) -> FloatArray:
+        covariance: FloatArray = self._filter.P
+        return covariance
+
     def update(self, odometry: Odometry) -> bool:
         """Take one report in; False when it does not continue the one before (the board restarted or jumped)."""
         if not all(map(isfinite, (odometry.t_s, gyro_yaw_rad(odometry)))):
@@ -55,7 +63,7 @@ class OdometryFilter:
         if last is None or odometry.session != last.session:
             # The board's yaw begins at zero again; the heading continues
             self._last, self._jumped = odometry, None
-            self._yaw_unwrapped_rad = self._filter.yaw_rad
+            self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
             return last is None
         if -MAX_GAP_S < odometry.t_s - last.t_s <= 0.0:
             return True
@@ -63,7 +71,7 @@ class OdometryFilter:
             self._jump(odometry)
             return False
         self._last, self._jumped = odometry, None
-        before = self._filter.pose
+        before = Pose2.from_array(self._filter.x.ravel())
         dt_s = odometry.t_s - last.t_s
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
@@ -71,8 +79,8 @@ class OdometryFilter:
         turned_rad = wrap_angle(gyro_yaw_rad(odometry) - gyro_yaw_rad(last))
         self._yaw_unwrapped_rad += turned_rad
         self.slip.drive(left_m, right_m, turned_rad)
-        self._filter.correct(self._yaw_unwrapped_rad, GYRO_SD_RAD**2)
-        moved = before.between(self._filter.pose)
+        self._correct()
+        moved = before.between(Pose2.from_array(self._filter.x.ravel()))
         if dt_s > GAP_S:
             board = board_pose(last).between(board_pose(odometry))
             moved = Pose2(board.x_m, board.y_m, moved.heading_rad)
@@ -87,7 +95,7 @@ class OdometryFilter:
         self._jumped = (odometry, count)
         if count >= JUMP_REPORTS:
             self._last, self._jumped = odometry, None
-            self._yaw_unwrapped_rad = self._filter.yaw_rad
+            self._yaw_unwrapped_rad = float(self._filter.x[2, 0] + self._filter.x[3, 0])
             self.kidnapped = True
 
     def begin_at(self, pose: Pose2) -> None:
@@ -112,13 +120,30 @@ class OdometryFilter:
         self._pose = self._pose.compose(Pose2(x_m, y_m, wrap_angle(measured.heading_rad + added_rad)))
 
     def _predict(self, left_m: float, right_m: float, dt_s: float, standing: bool) -> None:
+        x = self._filter.x.ravel()
+        distance_m, turn_rad = (left_m + right_m) / 2, (right_m - left_m) / self._track_m
+        middle_rad = x[2] + turn_rad / 2
+        c, s = cos(middle_rad), sin(middle_rad)
+        self._filter.x = np.array([[x[0] + distance_m * c], [x[1] + distance_m * s], [x[2] + turn_rad], [x[3]]])
+        jacobian = np.eye(4)
+        jacobian[0, 2], jacobian[1, 2] = -distance_m * s, distance_m * c
         slip_variance = SLIP_SD_PER_SQRT_M**2 * (abs(left_m) + abs(right_m)) / 2
-        self._filter.predict(
-            (left_m + right_m) / 2,
-            (right_m - left_m) / self._track_m,
-            distance_variance=slip_variance / 2,
-            turn_variance=2 * slip_variance / self._track_m**2,
-            drift_variance=0.0 if standing else GYRO_DRIFT_SD_RAD_PER_SQRT_S**2 * dt_s,
+        along = np.array([c, s, 0.0, 0.0])
+        process = np.outer(along, along) * slip_variance / 2
+        process[2, 2] = 2 * slip_variance / self._track_m**2
+        process[3, 3] = 0.0 if standing else GYRO_DRIFT_SD_RAD_PER_SQRT_S**2 * dt_s
+        self._filter.P = jacobian @ self._filter.P @ jacobian.T + process
+
+    def _correct(self) -> None:
+        heading_rad, drift_rad = float(self._filter.x[2, 0]), float(self._filter.x[3, 0])
+        expected = heading_rad + drift_rad
+        z = expected + wrap_angle(self._yaw_unwrapped_rad - expected)
+        row = np.array([[0.0, 0.0, 1.0, 1.0]])
+        self._filter.update(
+            np.array([[z]]),
+            HJacobian=lambda _: row,
+            Hx=lambda state: np.array([[state[2, 0] + state[3, 0]]]),
+            R=np.array([[GYRO_SD_RAD**2]]),
         )
 
 
