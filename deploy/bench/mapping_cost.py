@@ -29,11 +29,12 @@ from common.config import Config
 from common.constants import SENSOR_RATE_HZ
 from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, RANGES, Odometry, Ranges, Topic
+from common.side_process import ProcessWorker
 from common.zenoh_bus import ZenohBus
 from deploy.bench.mapping_course import Course
 from deploy.local.ports import reserve_port
-from onboard.mmu.back_end.worker import ProcessWorker
-from onboard.mmu.mmu import MappingUnit
+from onboard.mmu.back_end.exchange import Correction, Increment
+from onboard.mmu.mmu import BACK_END, MappingUnit
 
 MARKS_M = (100.0, 300.0, 600.0, 1000.0)
 QUICK_MARKS_M = (100.0,)
@@ -74,7 +75,7 @@ class Drive:
     """The node with its worker; `report` publishes one report of the bridge and steps the node, as it makes it due."""
 
     def __init__(self, out: Bus | None) -> None:
-        self.worker = ProcessWorker()
+        self.worker = ProcessWorker[Increment, Correction]("back end", BACK_END)
         self._node = MappingUnit(self.worker)
         self._bus = InputBus(out)
         self.step_s = array("d")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from common.disk_worker import DISK_ERRORS, DiskError
+from common.disk_worker import DISK_ERRORS
 from common.recording import Known, Losses, RecordedMessage, add_loss
 from offboard.recorder.live_copies import LiveCopies
 from offboard.recorder.outbox_rows import RowContent, unpack_rows
@@ -46,7 +46,7 @@ class Delivered:
     state: RunState
     newest_row: int | None  # the outbox's own number of it; None where it brought none
     problems: dict[str, str]  # topic -> newest problem of a message that cannot be decoded
-    refusal: DiskError | None = None
+    refusal: Exception | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class KeptRun:
             self._summary_row = handover.summary.row
         for message in result.stored:
             self.files.take(message.payload)
-        refusal: DiskError | None = None
+        refusal: Exception | None = None
         try:
             self.files.append_poses()
         except DISK_ERRORS as error:

@@ -20,7 +20,7 @@ from typing import Any
 
 from common.bus import Bus
 from common.database import disk_full, lost
-from common.disk_worker import DISK_ERRORS, DiskError, DiskWorker
+from common.disk_worker import DISK_ERRORS, disk_worker
 from common.errors import ErrorCode
 from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, OutboxReceipt, Topic
 from common.recording import Losses, RecordedMessage, add_loss
@@ -55,12 +55,12 @@ class Recorder:
         self._date = date
         self._status = StatusReporter(self.name)
         at_once = date is None
-        self._disk: DiskWorker[KeptRun | Delivered | Written] = DiskWorker("recorder", at_once=at_once)
-        self._artist: DiskWorker[None] = DiskWorker("pictures", at_once=at_once)
+        self._disk = disk_worker("recorder", at_once=at_once)
+        self._artist = disk_worker("pictures", at_once=at_once)
         self._draw = draw if at_once else draw_apart
         self._run: KeptRun | None = None  # belongs to the disk's thread from its opening on
         self._state = RunState(finished=False, missing=0)
-        self._lost: DiskError | None = None  # why there must be another database
+        self._lost: Exception | None = None  # why there must be another database
         # Of a new run; one that is continued keeps its own, so that the robot's outbox knows it again
         self._inbox = OutboxInbox(1 if at_once else 1 + secrets.randbelow(2**48))
         self._waiting: list[RecordedMessage] = []
@@ -72,7 +72,7 @@ class Recorder:
         self._undecodable = Undecodable("stored but undecodable")
         self._next_write_s: float | None = None
         self._picture_due = self._drawn = False
-        self._refusal: DiskError | None = None  # why the disk takes nothing at present
+        self._refusal: Exception | None = None  # why the disk takes nothing at present
         self._lost_notice = ""
 
     @property
@@ -87,7 +87,7 @@ class Recorder:
         if run is not None and self._lost is None:
             self._receive_data(bus, now_s)
             self._write_in_time(run, now_s)
-            self._draw_in_time()
+            self._draw_in_time(now_s)
             self._store_data(run, now_s)
             self._acknowledge(bus, now_s)
         self._report(bus, now_s)
@@ -123,9 +123,9 @@ class Recorder:
             return
         self._open_due_s = now_s + RETRY_S
         if run is None or error is None:
-            self._disk.begin(lambda: open_run(self.run_dir, self._date, self._inbox.recorder_id))
+            self._disk.begin(lambda: open_run(self.run_dir, self._date, self._inbox.recorder_id), now_s)
         else:
-            self._disk.begin(lambda: reopen_run(run, error, self._date))
+            self._disk.begin(lambda: reopen_run(run, error, self._date), now_s)
 
     def _opened(self, run: KeptRun, bus: Bus) -> None:
         first, self._run, self._lost = self._run is None, run, None
@@ -160,7 +160,7 @@ class Recorder:
         if handover is None:
             return
         self._store_due_s = now_s + (STORE_PERIOD_S if self._refusal is None else RETRY_S)
-        self._disk.begin(lambda: run.store(handover))
+        self._disk.begin(lambda: run.store(handover), now_s)
 
     def _store_at_once(self, run: KeptRun) -> None:
         handover = self._make_handover(0.0 if self._receipt is None else self._receipt.t_s)
@@ -177,7 +177,7 @@ class Recorder:
         return self._handover
 
     def _look_at_disk(self, bus: Bus, now_s: float) -> None:
-        outcome = self._disk.outcome()
+        outcome = self._disk.result(now_s)
         if outcome is None:
             return
         if isinstance(outcome.value, KeptRun):
@@ -225,13 +225,13 @@ class Recorder:
             self._next_write_s = now_s + WRITE_PERIOD_S
         if now_s >= self._next_write_s and not self._disk.busy:
             self._next_write_s = now_s + WRITE_PERIOD_S
-            self._disk.begin(run.write)
+            self._disk.begin(run.write, now_s)
 
-    def _draw_in_time(self) -> None:
-        self._artist.outcome()
+    def _draw_in_time(self, now_s: float) -> None:
+        self._artist.result(now_s)
         if self._picture_due and not self._artist.busy:
             self._picture_due = False
-            self._artist.begin(lambda: self._draw(self.run_dir))
+            self._artist.begin(lambda: self._draw(self.run_dir), now_s)
 
     def _on_disk(self, action: Callable[[], object]) -> None:
         """Does it; where the disk refuses, logs the reason once."""
@@ -245,7 +245,7 @@ class Recorder:
             _log.info("the disk takes the run again run_dir=%s", self.run_dir)
         self._refusal = None
 
-    def _refused(self, error: DiskError) -> None:
+    def _refused(self, error: Exception) -> None:
         if self._refusal is None:
             advice = f"free space on the disk of {self.run_dir}" if disk_full(error) else f"look at {self.run_dir}"
             _log.error("cannot write the run (%s): %s", _reason(error), advice)
@@ -270,5 +270,5 @@ class Recorder:
         self._status.report(bus, now_s, state=state, error=error, ready=True, detail=", ".join(filter(None, details)))
 
 
-def _reason(error: DiskError) -> str:
+def _reason(error: Exception) -> str:
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)

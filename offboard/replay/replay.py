@@ -17,7 +17,7 @@ from common.geometry import FloatArray, Pose2
 from common.messages import Ranges
 from offboard.replay.range_log import RangeLog
 from offboard.runs.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_NAME, write_map_points, write_tum
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.slam import Carrier, Slam
 
 BEAM_HALF_WIDTH_DEG = 4.0  # of a log without one: a laser's beam is narrower, a small sonar's wider
@@ -42,7 +42,7 @@ class Replayed:
 
 def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> Replayed:
     """The whole log through the mapping unit."""
-    worker = DeferredWorker(gyro_led=False)
+    worker = deferred_back_end(gyro_led=False)
     slam = Slam(worker, Carrier(log.bearings_rad, log.range_step_m, radians(beam_half_width_deg), spacing_m=log.step_m))
     count = len(log.times_s)
     online, step_s, work_s = np.zeros((count, 3)), np.zeros(count), np.zeros(count)

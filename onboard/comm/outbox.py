@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import accumulate, takewhile
 from pathlib import Path
 
 from common.bus import Bus
-from common.disk_worker import DiskError, DiskWorker
+from common.disk_worker import DISK_ERRORS, disk_worker
 from common.messages import LOG, OUTBOX, RECEIPT, ROBOT_RECORDED, STATUS
 from common.recording import Known, Losses, RecordedMessage, add_loss, remember
 from onboard.comm.crash_buffer import CrashBuffer
@@ -46,7 +47,7 @@ class Outbox:
         """`new_id`: for lockstep, where the disk's work is done at once and in order."""
         self._store: OutboxStore = open_store(file, new_id)
         self._limit_bytes = min(limit_bytes, RAM_BYTES // 2) if self._store.in_memory else limit_bytes
-        self._disk: DiskWorker[Turn] = DiskWorker("outbox", at_once=new_id is not None)
+        self._disk = disk_worker("outbox", at_once=new_id is not None)
         self._recording = False
         self._crash_buffer = CrashBuffer(_RECORDER_KEYS)
         self._received: Known = dict(self._store.received)
@@ -91,8 +92,8 @@ class Outbox:
         if outcome is not None and outcome.value is not None and outcome.value.refused is None:
             self._forget_saved()
         if (self._waiting or self._dropped) and self._disk_works:
-            closing: DiskWorker[Turn] = DiskWorker("outbox", at_once=True)
-            closing.begin(self._work(len(self._waiting)))
+            with suppress(*DISK_ERRORS):
+                self._work(len(self._waiting))()
         self._store.close()
 
     def _collect(self, bus: Bus) -> None:
@@ -121,7 +122,7 @@ class Outbox:
         self._waiting_bytes += sum(len(message.data) for message in messages)
 
     def _look_at_disk(self, now_s: float) -> None:
-        outcome = self._disk.outcome()
+        outcome = self._disk.result(now_s)
         if outcome is None:
             return
         turn, was_thinning = outcome.value, self.thinning
@@ -143,7 +144,7 @@ class Outbox:
             # Rows that were appended meanwhile wait until those on their way are acknowledged
             self._sender.begin(turn.first, now_s)
 
-    def _log_disk(self, refused: DiskError | None) -> None:
+    def _log_disk(self, refused: Exception | None) -> None:
         if refused is not None and self._disk_works:
             _log.error("outbox cannot be written, messages wait in memory error=%s", refused)
         elif refused is None and not self._disk_works:
@@ -178,7 +179,7 @@ class Outbox:
         count = min(max(within, 1), len(self._waiting))
         self._handed = (count, dict(self._dropped))
         self._removed = self._sender.acknowledged
-        self._disk.begin(self._work(count))
+        self._disk.begin(self._work(count), now_s)
 
     def _work(self, count: int) -> Callable[[], Turn]:
         """What there is to do for the disk, as of now, with so many of the messages that wait."""

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from common.disk_worker import DiskError, DiskWorker
+from common.disk_worker import disk_worker
 from onboard.comm import stop_owner
 from onboard.comm.stop_owner import StopOwner
 from onboard.comm.stop_record import DamagedRecord, StopRecord, read_record, write_record
@@ -22,7 +22,7 @@ class StopKeeper:
     def __init__(self, file: Path | None, life: int = 1) -> None:
         """`life`: another number after each restart."""
         self._file = file
-        self._disk: DiskWorker[StopRecord] = DiskWorker("stop", at_once=file is None)
+        self._disk = disk_worker("stop", at_once=file is None)
         self._retry_s = float("-inf")
         self.trouble = ""  # why the disk does not take the record
         self.state: StopOwner = stop_owner.owner(_load(file) if file is not None else StopRecord(), life)
@@ -41,7 +41,7 @@ class StopKeeper:
 
     def step(self, now_s: float) -> None:
         """Takes the outcome of the last write, and starts the next one where the record has changed."""
-        outcome = self._disk.outcome()
+        outcome = self._disk.result(now_s)
         if outcome is not None and outcome.error is not None:
             self._refused(outcome.error)
             self._retry_s = now_s + RETRY_S
@@ -49,7 +49,7 @@ class StopKeeper:
             self._took(outcome.value)
         wanted = self.state.to_store
         if wanted is not None and not self._disk.busy and now_s >= self._retry_s:
-            self._disk.begin(lambda: self._store(wanted))
+            self._disk.begin(lambda: self._store(wanted), now_s)
 
     def close(self) -> None:
         """Waits for what is being stored."""
@@ -64,7 +64,7 @@ class StopKeeper:
         self.trouble = ""
         self._become(stop_owner.stored(self.state, record))
 
-    def _refused(self, error: DiskError) -> None:
+    def _refused(self, error: Exception) -> None:
         self.trouble = getattr(error, "strerror", None) or str(error)
         _log.error("stop record not stored file=%s error=%s", self._file, self.trouble)
 

@@ -25,12 +25,15 @@ from common.messages import (
     Trajectory,
 )
 from common.pace import Pace
+from common.side_process import ProcessWorker
 from common.status import StatusReporter
-from onboard.mmu.back_end.worker import ProcessWorker, Worker
+from onboard.mmu.back_end.back_end_link import BackEndWorker
+from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.map.grid_encoder import GridEncoder
 from onboard.mmu.map.map_file import MAP_NAME, SavedMap, load_map
 from onboard.mmu.slam import ROBOT, Carrier, Slam
 
+BACK_END = "onboard.mmu.back_end.back_end_process:load"
 # How often each is published at most
 GRID_PERIOD_S = 1.0
 TRAJECTORY_PERIOD_S = 10.0
@@ -46,7 +49,7 @@ class MappingUnit:
 
     def __init__(
         self,
-        worker: Worker,
+        worker: BackEndWorker,
         carrier: Carrier = ROBOT,
         saved: SavedMap | None = None,
     ) -> None:
@@ -129,4 +132,5 @@ def make_mapping_unit(config: Config, arguments: argparse.Namespace) -> MappingU
     """The node of the process; the map stands in the log folder, and a process that restarts continues in it."""
     folder: Path | None = arguments.log_dir
     file = folder / MAP_NAME if folder else None
-    return MappingUnit(ProcessWorker(file), carrier_of(config), load_map(file) if file else None)
+    back_end = ProcessWorker[Increment, Correction]("back end", BACK_END, *([str(file)] if file else []))
+    return MappingUnit(back_end, carrier_of(config), load_map(file) if file else None)

@@ -17,9 +17,8 @@ from math import isfinite
 from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M, TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
 from common.messages import Odometry, Ranges
-from onboard.mmu.back_end.back_end_link import BackEndLink
+from onboard.mmu.back_end.back_end_link import BackEndLink, BackEndWorker
 from onboard.mmu.back_end.exchange import Correction
-from onboard.mmu.back_end.worker import Worker
 from onboard.mmu.front_end.dead_reckoning import DeadReckoning
 from onboard.mmu.front_end.localisation import Localisation
 from onboard.mmu.front_end.odometry import board_pose
@@ -58,7 +57,7 @@ ROBOT = Carrier()
 class Slam:
     """`add_odometry` and `add_ranges` take the reports in as they come; the properties are the estimates."""
 
-    def __init__(self, worker: Worker, carrier: Carrier = ROBOT, saved: SavedMap | None = None) -> None:
+    def __init__(self, worker: BackEndWorker, carrier: Carrier = ROBOT, saved: SavedMap | None = None) -> None:
         """`worker`: where the back end runs; `saved`: a prior map, to continue in."""
         self._carrier = carrier
         self._odometry = DeadReckoning(carrier.track_m, carrier.tick_m)

@@ -7,12 +7,12 @@ from common.config import Config
 from common.process import run
 from onboard.poi.camera.frame_source import open_source
 from onboard.poi.poi import Poi, reader_of
-from onboard.poi.signs.reading_worker import ThreadWorker
+from onboard.poi.signs.reading_job import reading_beside
 
 
 def make_poi(config: Config, _: argparse.Namespace) -> Poi:
     """Raises StartError when there is no such camera."""
-    return Poi(config.poi, open_source(config.poi.source), ThreadWorker(lambda: reader_of(config.poi)))
+    return Poi(config.poi, open_source(config.poi.source), reading_beside(lambda: reader_of(config.poi)))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ around the candidate to the worker. Frames of a turning robot are skipped: they 
 
 from __future__ import annotations
 
+import logging
 from math import hypot, inf
 
 import cv2
@@ -23,7 +24,7 @@ from onboard.poi.doors.door_records import DoorRecords
 from onboard.poi.placement.pose_history import PoseHistory
 from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker
 from onboard.poi.placement.wall_map import WallMap
-from onboard.poi.signs.reading_worker import Finding, Job, Reading, ReadingWorker
+from onboard.poi.signs.reading_job import Finding, Job, Reading, ReadingWorker
 from onboard.poi.signs.sign_detection import Box, sign_candidates
 
 TURNING_RAD_S = 0.08  # above it previews blur and the sonar measures other walls
@@ -31,9 +32,13 @@ FULL_SPACING_M = 0.12  # path between two full frames
 STANDING_SPACING_S = 0.4  # between two full frames of a robot that holds: one per preview
 FRAME_AGE_MAX_S = 1.0  # an older preview is dropped
 POSE_WAIT_S = 0.25  # how long a frame waits for the pose after it
-JOBS_AT_ONCE = 3  # below JOBS_MAX of the worker, since a frame may hold several signs
+JOBS_MAX = 4  # that wait or run; further ones are dropped
+JOBS_AT_ONCE = 3  # below JOBS_MAX, since a frame may hold several signs
 SKEW_MAX_RAD = 0.2  # between the wall line of the echoes and the wall on the map
 PHOTO_QUALITY = 80  # of the JPEG, 0 to 100
+
+
+_log = logging.getLogger("poi")
 
 
 class Survey:
@@ -85,8 +90,9 @@ class Survey:
         if self._full is not None and self._posed(self._full, now_s):
             frame, self._full = self._full, None
             self._send_to_reader(frame, now_s)
-        for reading in self.worker.results(now_s):
-            self._record(reading, now_s)
+        while (outcome := self.worker.result(now_s)) is not None:
+            assert outcome.value is not None
+            self._record(outcome.value, now_s)
 
     def close(self) -> None:
         self._source.close()
@@ -175,9 +181,13 @@ class Survey:
         for box in sign_candidates(gray, self._preview_camera, wall.distance_m):
             whole = box.scaled(factor)
             near = any(abs(whole.centre_px[0] - u) * camera.metres_per_px(wall.distance_m) < 0.3 for u in sent)
-            if not near and self._worth_reading(box, self._preview_camera, pose, wall):
-                sent.append(whole.centre_px[0])
-                self.worker.submit(Job(frame, pose, wall, whole), now_s)
+            if near or not self._worth_reading(box, self._preview_camera, pose, wall):
+                continue
+            if self.worker.pending >= JOBS_MAX:
+                _log.info("reading=behind dropped_job_t_s=%.2f", now_s)
+                return
+            sent.append(whole.centre_px[0])
+            self.worker.begin(Job(frame, pose, wall, whole), now_s)
 
     def _record(self, reading: Reading, now_s: float) -> None:
         job = reading.job

@@ -28,7 +28,7 @@ from offboard.simulator.physics.world import STEP_S, World
 from onboard.bridge.protocol import CarState, Odo
 from onboard.bridge.serial_port import SerialPort
 from onboard.bridge.translation import odometry
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import carrier_of
 from onboard.mmu.slam import Slam
 from tests.firmware.course import open_hall
@@ -151,7 +151,7 @@ def test_a_robot_with_other_wheels_measures_right_once_they_arecalibrated(tmp_pa
     file = tmp_path / "robot.toml"
     fit = measure_wheels(stand.session, 2.0, 1, person_with_tape_measure(stand), stand.told.append)
     file.write_text(config_text(calibrated(Config(), fit)), encoding="utf-8")
-    before, after = (Slam(DeferredWorker(), carrier_of(config)) for config in (Config(), load_config(file)))
+    before, after = (Slam(deferred_back_end(), carrier_of(config)) for config in (Config(), load_config(file)))
 
     start = stand.world.truth
     for speed, seconds in ((Speed.MEDIUM, 10.0), (Speed.STOP, 2.0)):

@@ -36,11 +36,11 @@ from onboard.comm.outbox_sender import PIECE_BYTES
 from onboard.comm.outbox_store import pack_row
 from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_record import RECORD_NAME
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi
-from onboard.poi.signs.reading_worker import DeferredReading
+from onboard.poi.signs.reading_job import deferred_reading
 from tests.firmware.bench import Bench
 from tests.fuzz.wild import UNLIMITED
 
@@ -175,7 +175,7 @@ def bridge(bus: WireBus) -> Stage:
 
 
 def mmu(bus: WireBus) -> Stage:
-    worker = DeferredWorker()
+    worker = deferred_back_end()
     return Stage(MappingUnit(worker), bus, _read_by("mmu"), lambda now_s: worker.work())
 
 
@@ -221,7 +221,7 @@ class NoCamera:
 
 
 def poi(bus: WireBus) -> Stage:
-    reading = DeferredReading(lambda: lambda job: None)  # type: ignore[arg-type,return-value]
+    reading = deferred_reading(lambda: lambda job: None)  # type: ignore[arg-type,return-value]
     return Stage(Poi(PoiSection(), NoCamera(), reading), bus, _read_by("poi"))
 
 

@@ -13,7 +13,7 @@ import pytest
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import Pose2
 from common.messages import Odometry, Ranges
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.map.map_file import SavedMap, load_map
 from onboard.mmu.slam import Slam
 from tests.unit.mmu_scenes import ranges_to, ring
@@ -59,7 +59,7 @@ def true_pose(report: Report, start: Pose2 = ORIGIN) -> Pose2:
 
 
 def fed(messages: list[Report], slam: Slam | None = None) -> Slam:
-    slam = slam or Slam(DeferredWorker())
+    slam = slam or Slam(deferred_back_end())
     for odometry, ranges in messages:
         slam.add_odometry(odometry)
         slam.add_ranges(ranges)
@@ -138,7 +138,7 @@ def test_ticks_that_jump_for_good_make_the_pose_uncertain() -> None:
 
 
 def saved_after(messages: list[Report], file: Path) -> SavedMap:
-    fed(messages, Slam(DeferredWorker(file)))
+    fed(messages, Slam(deferred_back_end(file)))
     saved = load_map(file)
     assert saved is not None
     assert len(saved.poses) > 10
@@ -149,7 +149,7 @@ def saved_after(messages: list[Report], file: Path) -> SavedMap:
 def test_a_process_that_restarts_goes_on_in_its_map(tmp_path: Path) -> None:
     """The board counted on while the process was away for five seconds."""
     saved = saved_after(DRIVE[:400], tmp_path / "map.npz")
-    slam = fed(DRIVE[450:], Slam(DeferredWorker(), saved=saved))
+    slam = fed(DRIVE[450:], Slam(deferred_back_end(), saved=saved))
     assert slam.uncertainty[0] < 1.0
     assert off_m(slam, DRIVE[-1]) < 0.2
     assert len(slam.trajectory()[1]) > len(saved.poses)
@@ -158,6 +158,6 @@ def test_a_process_that_restarts_goes_on_in_its_map(tmp_path: Path) -> None:
 
 def test_a_robot_that_may_have_been_kidnapped_knows_nothing_at_first(tmp_path: Path) -> None:
     saved = saved_after(DRIVE[:400], tmp_path / "map.npz")
-    slam = fed(reports(1.0, session=9), Slam(DeferredWorker(), saved=saved))
+    slam = fed(reports(1.0, session=9), Slam(deferred_back_end(), saved=saved))
     assert slam.uncertainty[0] == inf
     assert np.isfinite(slam.pose.as_array()).all()

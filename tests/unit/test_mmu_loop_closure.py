@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
 from onboard.mmu.back_end.loop_closure import ADOPTED_CHI2_MAX, Attempt
+from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.front_end.scan_matching import Match
 from onboard.mmu.slam import Slam
 from tests.unit.test_mmu_faults import fed, reports
@@ -49,7 +49,7 @@ def test_a_line_has_every_figure_beside_its_gate() -> None:
 def test_what_the_back_end_decided_is_logged_by_the_node(caplog: pytest.LogCaptureFixture) -> None:
     """Up and down a room: the place is visited again and again."""
     caplog.set_level(logging.INFO, "mmu")
-    slam: Slam = fed(reports(150.0), Slam(DeferredWorker()))
+    slam: Slam = fed(reports(150.0), Slam(deferred_back_end()))
     tried = [line for line in caplog.messages if line.startswith("loop closure")]
     adopted = [line for line in tried if line.startswith("loop closure adopted")]
     rejected_at_rest = [line for line in tried if line.startswith("loop closure rejected: chi2")]

@@ -35,7 +35,7 @@ from common.messages import (
     Ranges,
     Status,
 )
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit
 from tests.unit.mmu_scenes import ranges_to, ring
 
@@ -73,7 +73,7 @@ class Bench:
     """A mapping unit on a mesh, and everything that it publishes."""
 
     mesh: LocalMesh = field(default_factory=LocalMesh)
-    unit: MappingUnit = field(default_factory=lambda: MappingUnit(DeferredWorker()))
+    unit: MappingUnit = field(default_factory=lambda: MappingUnit(deferred_back_end()))
     poses: list[PoseEstimate] = field(default_factory=list)
     maps: list[MapUpdate] = field(default_factory=list)
     statuses: list[Status] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The back end beside the steps: two ways to run it, one answer; and the map on disk."""
+"""The back end beside the steps: in a process and deferred, one answer; and the map on disk."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from common.side_process import ProcessWorker
+from common.side_work import Outcome, WorkLost
+from onboard.mmu.back_end.back_end_link import BackEndLink, BackEndWorker
 from onboard.mmu.back_end.exchange import Correction, Increment
-from onboard.mmu.back_end.worker import ProcessWorker
+from onboard.mmu.back_end.map_builder import deferred_back_end
+from onboard.mmu.map.keyframe_map import KeyframeMap
 from onboard.mmu.map.keyframes import Keyframe, LastSeen
 from onboard.mmu.map.map_file import SavedMap, load_map, save_map
+from onboard.mmu.mmu import BACK_END
 
 DEADLINE_S = 20.0
 
@@ -29,38 +33,27 @@ def increment(start: int = 0, count: int = 5) -> Increment:
     return Increment(keyframes, echoes, np.zeros((0, 6)), LastSeen(7, Pose2(1.0, 2.0, 0.1), Pose2(1.6, 0.0, 0.0)))
 
 
-def test_the_answer_of_a_deferred_worker_comes_after_a_fixed_time() -> None:
-    worker = DeferredWorker(latency_s=0.4)
-    assert not worker.busy
-    worker.submit(increment(), 10.0)
-    worker.work()
-    assert worker.busy
-    assert worker.collect(10.3) is None
-    correction = worker.collect(10.4)
-    assert correction is not None
-    assert correction.poses[:, 0] == pytest.approx([0.0, 0.4, 0.8, 1.2, 1.6])
-    assert not worker.busy
-
-
-def answer(worker: ProcessWorker) -> Correction:
+def answer(worker: BackEndWorker) -> Correction | None:
     end_s = time.monotonic() + DEADLINE_S
     while time.monotonic() < end_s:
-        correction = worker.collect(0.0)
-        if correction is not None:
-            return correction
+        outcome = worker.result(0.0)
+        if outcome is not None:
+            return outcome.value
         time.sleep(0.01)
     raise AssertionError(f"no answer within {DEADLINE_S:.0f} s")
 
 
-def test_a_process_answers_like_the_deferred_worker_and_saves_the_map(tmp_path: Path) -> None:
-    deferred, process = DeferredWorker(latency_s=0.0), ProcessWorker(tmp_path / "map.npz")
+def test_a_process_answers_like_the_deferred_back_end_and_saves_the_map(tmp_path: Path) -> None:
+    deferred = deferred_back_end(latency_s=0.0)
+    process: BackEndWorker = ProcessWorker("back end", BACK_END, str(tmp_path / "map.npz"))
     try:
         for start in (0, 5):
-            deferred.submit(increment(start), 0.0)
-            process.submit(increment(start), 0.0)
-            expected = deferred.collect(0.0)
+            for worker in (deferred, process):
+                worker.begin(increment(start), 0.0)
+            expected, found = answer(deferred), answer(process)
             assert expected is not None
-            assert answer(process).poses.tolist() == expected.poses.tolist()
+            assert found is not None
+            assert found.poses.tolist() == expected.poses.tolist()
     finally:
         process.close()
     saved = load_map(tmp_path / "map.npz")
@@ -68,16 +61,26 @@ def test_a_process_answers_like_the_deferred_worker_and_saves_the_map(tmp_path: 
     assert len(saved.poses) == 5  # nothing closed and no 30 s passed since
 
 
-def test_a_process_that_dies_is_replaced_and_asks_for_everything() -> None:
-    worker = ProcessWorker()
-    try:
-        worker._process.kill()
-        worker.submit(increment(), 0.0)
-        assert len(answer(worker).poses) == 0
-        worker.submit(increment(), 0.0)
-        assert len(answer(worker).poses) == 5
-    finally:
-        worker.close()
+class Lost:
+    """A worker whose job was lost."""
+
+    pending, busy, ready = 1, True, True
+
+    def begin(self, job: Increment, now_s: float) -> None: ...
+
+    def result(self, now_s: float) -> Outcome[Correction]:
+        return Outcome(None, WorkLost("ended"))
+
+    def due_s(self, now_s: float) -> float:
+        return now_s
+
+    def close(self) -> None: ...
+
+
+def test_a_back_end_that_was_lost_is_to_be_given_everything_again() -> None:
+    correction = BackEndLink(Lost(), KeyframeMap()).collect(0.0)
+    assert correction is not None
+    assert len(correction.poses) == 0
 
 
 def test_a_saved_map_comes_back(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from onboard.poi.camera.frame_socket import SocketFrames
 from onboard.poi.camera.frame_source import open_source
 from onboard.poi.camera.sharpness import sharpness
 from onboard.poi.placement.wall_line import WallLine
-from onboard.poi.signs.reading_worker import DeferredReading, Job, Reading, ThreadWorker, read
+from onboard.poi.signs.reading_job import Job, read
 from onboard.poi.signs.sign_detection import Box, sign_candidates
 from onboard.poi.signs.sign_reading import SignRules, TextLine, Verdict
 
@@ -160,43 +160,6 @@ def test_sign_that_the_part_cuts_off_is_left_out() -> None:
     assert read(job(), Letters(cut), RULES, CAMERA).findings == ()
     (finding,) = read(job(), Letters(whole), RULES, CAMERA).findings
     assert (finding.reading.verdict, finding.reading.number) == (Verdict.PLATE, "215B")
-
-
-def test_deferred_worker_answers_after_a_fixed_time() -> None:
-    worker = DeferredReading(lambda: lambda j: Reading(j, ()))
-    worker.submit(job(), 10.0)
-    assert worker.pending == 1
-    assert worker.results(10.49) == []
-    assert len(worker.results(10.5)) == 1
-    assert worker.pending == 0
-
-
-def test_thread_reads_beside_the_loop_and_leaves_out_what_is_too_much() -> None:
-    worker = ThreadWorker(lambda: lambda j: Reading(j, ()))
-    until(lambda: worker.ready)
-    for _ in range(50):
-        worker.submit(job(), 0.0)
-    done: list[Reading] = []
-    until(lambda: done.extend(worker.results(0.0)) or not worker.pending)
-    assert 1 <= len(done) <= 50
-    worker.close()
-
-
-def test_thread_that_cannot_load_its_models_raises() -> None:
-    def load() -> Any:
-        raise ValueError("no model")
-
-    worker = ThreadWorker(load)
-
-    def failed() -> bool:
-        try:
-            worker.results(0.0)
-        except ValueError:
-            return True
-        return False
-
-    until(failed)
-    worker.close()
 
 
 # Candidates and sharpness

@@ -35,7 +35,7 @@ from onboard.poi.camera.sharpness import Sharpness
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.poi import Poi
 from onboard.poi.retake import Phase, Retake, after, begin, pose_before
-from onboard.poi.signs.reading_worker import DeferredReading, Finding, Job, Reading
+from onboard.poi.signs.reading_job import Finding, Job, Reading, deferred_reading
 from onboard.poi.signs.sign_reading import SignReading, Verdict
 
 WALL_M = 1.2
@@ -96,7 +96,7 @@ class Story:
         self.bus, self.others = self.mesh.endpoint("poi"), self.mesh.endpoint("test")
         self.jobs: list[Job] = []
         self._reads = reads
-        self.node = Poi(PoiSection(), self.wall, DeferredReading(lambda: self._read))
+        self.node = Poi(PoiSection(), self.wall, deferred_reading(lambda: self._read))
         for topic in (POI, RETAKE):
             self.others.take(topic)
         self.records: dict[int, PointOfInterest] = {}

@@ -18,7 +18,7 @@ from offboard.simulator.camera.sign_textures import draw_plate
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame
 from onboard.poi.placement.wall_line import WallLine
-from onboard.poi.signs.reading_worker import Job, read
+from onboard.poi.signs.reading_job import Job, read
 from onboard.poi.signs.sign_detection import Box
 from onboard.poi.signs.sign_reading import SignReader, SignRules, TextLine, Verdict, merged_lines, signs
 from tests.unit.poi_scenes import SIDES, floor_with_door, full_frame

@@ -32,11 +32,11 @@ from offboard.simulator.stopwatch import BESIDE, BUS, REST, WORLD, Stopwatch
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
-from onboard.mmu.back_end.deferred_worker import DeferredWorker
+from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit, carrier_of
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi, reader_of
-from onboard.poi.signs.reading_worker import DeferredReading
+from onboard.poi.signs.reading_job import deferred_reading
 
 TIME_LIMIT_S = 4 * 3600.0
 RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
@@ -152,7 +152,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     if simulation.camera is not None:
         config = with_camera(config)
-    back_end = DeferredWorker()
+    back_end = deferred_back_end()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
         MappingUnit(back_end, carrier_of(config)),
@@ -162,7 +162,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     if recorder is not None:
         nodes.append(recorder)
     if simulation.camera is not None:
-        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), DeferredReading(lambda: reader_of(config.poi))))
+        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), deferred_reading(lambda: reader_of(config.poi))))
     return Lockstep(simulation, nodes, options.seed, back_end.work)
 
 

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import logging
 from math import inf
 
 import numpy as np
 
+from common.side_work import SideWorker
 from onboard.mmu.back_end.exchange import Correction, Increment
-from onboard.mmu.back_end.worker import Worker
 from onboard.mmu.map.keyframe_map import Counts, KeyframeMap
 from onboard.mmu.map.keyframes import LastSeen
 
 HAND_OVER_M = 0.5  # of path; the sensitivity was not measured
 
+BackEndWorker = SideWorker[Increment, Correction]
+
+_log = logging.getLogger("mmu")
+
 
 class BackEndLink:
     """`prior`: what the keyframe map held before this run, which is handed over first, as a prior map."""
 
-    def __init__(self, worker: Worker, keyframes: KeyframeMap) -> None:
+    def __init__(self, worker: BackEndWorker, keyframes: KeyframeMap) -> None:
         self._worker = worker
         self._keyframes = keyframes
         self._handed = Counts()  # what the back end has
@@ -40,7 +45,11 @@ class BackEndLink:
         self._ranges_to_wall.append(row)
 
     def collect(self, now_s: float) -> Correction | None:
-        return self._worker.collect(now_s)
+        outcome = self._worker.result(now_s)
+        if outcome is None or outcome.value is not None:
+            return outcome.value if outcome is not None else None
+        _log.error("%s: it is given everything again", outcome.error)
+        return Correction.lost()
 
     def due(self, path_m: float) -> bool:
         """Is the path since the last hand-over long enough, and the back end ready for the next?"""
@@ -62,7 +71,7 @@ class BackEndLink:
         )
         if not prior_map:
             self._ranges_to_wall = []
-        self._worker.submit(increment, now_s)
+        self._worker.begin(increment, now_s)
 
     def close(self) -> None:
         self._worker.close()

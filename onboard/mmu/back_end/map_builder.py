@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from common.geometry import FloatArray
+from common.side_work import DeferredWorker
 from onboard.mmu.back_end.back_end import BackEnd
 from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.map.drawing import draw
@@ -18,6 +19,7 @@ from onboard.mmu.map.wall_points import WallPoints
 from onboard.mmu.map.wall_segments import Rays, inferred_points
 
 # The sensitivity was not measured
+LATENCY_S = 0.4  # of the messages' clock: stands for the time that the back end takes
 REDRAW_M = 0.05  # half a cell: a correction larger than this redraws grid and walls
 REDRAW_PATH_M = 10.0  # after so much path the walls are drawn again in any case
 
@@ -34,6 +36,12 @@ class MapBuilder:
         self._drawn_path_m = 0.0  # path at which the walls were drawn
         self._saved = (float("-inf"), 0)  # when, and how many closures there were
         self._last: tuple[Increment, Correction] | None = None
+
+    def correction(self, increment: Increment) -> Correction:
+        """One round, and the map on disk where that is due."""
+        correction = self.take(increment)
+        self._save()
+        return correction
 
     def take(self, increment: Increment) -> Correction:
         """The back end's correction, with new grid and walls where the old ones are too far off."""
@@ -65,7 +73,7 @@ class MapBuilder:
         starts, directions = in_map(rays, poses)
         return WallPoints.of(echoed, inferred_points(echoed, normals, Rays(starts, directions, rays[:, 5])))
 
-    def save(self) -> None:
+    def _save(self) -> None:
         """The map on disk, at every closure and every 30 s."""
         if self._file is None or self._last is None or not self._keyframes:
             return
@@ -78,3 +86,10 @@ class MapBuilder:
         paths_m = np.array([keyframe.path_m for keyframe in self._keyframes])
         rows = self._back_end.echoes.rows(), self._rays.rows()
         try_save(self._file, SavedMap(times_s, correction.poses, paths_m, *rows, increment.last))
+
+
+def deferred_back_end(
+    map_file: Path | None = None, latency_s: float = LATENCY_S, gyro_led: bool = True
+) -> DeferredWorker[Increment, Correction]:
+    """The back end in this very process, for lockstep and replay."""
+    return DeferredWorker(lambda: MapBuilder(map_file, gyro_led).correction, latency_s)

@@ -1,23 +1,15 @@
-"""OCR beside the steps, since it takes longer than one: jobs in, readings out some steps later.
-
-On the robot a thread of low priority reads. In lockstep, where nothing may depend on this machine's speed, a job is
-done at once and its reading is handed out after a fixed time.
-"""
+"""OCR beside the steps, since it takes longer than one (`common/side_work.py`): jobs in, readings out later."""
 
 from __future__ import annotations
 
-import logging
-import os
-import threading
-from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
 import cv2
 
 from common.geometry import Pose2
+from common.side_work import DeferredWorker, SideWorker, ThreadWorker
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame, Image
 from onboard.poi.camera.sharpness import Sharpness, sharpness
@@ -27,12 +19,9 @@ from onboard.poi.signs.sign_reading import SignReading, SignRules, TextLine, sig
 
 HALF_WIDTH_M, LOW_M, HIGH_M = 0.45, 1.12, 1.88  # what is read around a candidate
 PX_PER_M = 840.0  # a plate of 30 mm capitals is legible; more pixels cost time and add nothing
-JOBS_MAX = 4  # waiting; further ones are dropped
 NICENESS = 10  # of the thread
 LATENCY_S = 0.5  # simulated
 _BORDER = 0.4  # a line nearer to the border than this share of its height is cut off
-
-_log = logging.getLogger("poi")
 
 
 class Reader(Protocol):
@@ -100,92 +89,15 @@ def _cut_off(line: TextLine, width_px: int) -> bool:
     return line.x_px < border or line.right_px > width_px - border
 
 
-class ReadingWorker(Protocol):
-    """Takes jobs and hands their readings out in the same order; neither call waits."""
-
-    @property
-    def pending(self) -> int:
-        """How many jobs have no reading yet."""
-
-    @property
-    def ready(self) -> bool:
-        """The models are loaded."""
-
-    def submit(self, job: Job, now_s: float) -> None:
-        """Takes a job; a worker with too many drops it."""
-
-    def results(self, now_s: float) -> list[Reading]:
-        """The readings that became ready since the last call, oldest first."""
-
-    def close(self) -> None: ...
-
-
 Read = Callable[[Job], Reading]
+ReadingWorker = SideWorker[Job, Reading]
 
 
-class DeferredReading:
-    """Lockstep: a result comes LATENCY_S of simulated time after its job, whatever the reading took."""
-
-    ready = True
-
-    def __init__(self, load: Callable[[], Read]) -> None:
-        self._load = load
-        self._read: Read | None = None
-        self._waiting: deque[tuple[float, Reading]] = deque()
-
-    @property
-    def pending(self) -> int:
-        return len(self._waiting)
-
-    def submit(self, job: Job, now_s: float) -> None:
-        if self._read is None:
-            self._read = self._load()
-        self._waiting.append((now_s + LATENCY_S, self._read(job)))
-
-    def results(self, now_s: float) -> list[Reading]:
-        due = []
-        while self._waiting and self._waiting[0][0] <= now_s:
-            due.append(self._waiting.popleft()[1])
-        return due
-
-    def close(self) -> None:
-        """Nothing runs."""
+def deferred_reading(load: Callable[[], Read]) -> ReadingWorker:
+    """For lockstep: a reading comes LATENCY_S of simulated time after its job, whatever it took."""
+    return DeferredWorker(load, LATENCY_S)
 
 
-class ThreadWorker:
-    """The robot: a thread of low priority. It refuses more than JOBS_MAX."""
-
-    def __init__(self, load: Callable[[], Read]) -> None:
-        self._thread = ThreadPoolExecutor(1, "reading", initializer=_yield_to_others)
-        self._read = self._thread.submit(load)
-        self._jobs: deque[Future[Reading]] = deque()
-
-    @property
-    def pending(self) -> int:
-        return len(self._jobs)
-
-    @property
-    def ready(self) -> bool:
-        return self._read.done()
-
-    def submit(self, job: Job, now_s: float) -> None:
-        if len(self._jobs) >= JOBS_MAX:
-            _log.info("reading=behind dropped_job_t_s=%.2f", now_s)
-            return
-        self._jobs.append(self._thread.submit(lambda: self._read.result()(job)))
-
-    def results(self, now_s: float) -> list[Reading]:
-        """The readings that are done. Raises what the thread raised, which ends the process."""
-        if self._read.done():
-            self._read.result()
-        done = []
-        while self._jobs and self._jobs[0].done():
-            done.append(self._jobs.popleft().result())
-        return done
-
-    def close(self) -> None:
-        self._thread.shutdown(wait=True, cancel_futures=True)
-
-
-def _yield_to_others() -> None:
-    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+def reading_beside(load: Callable[[], Read]) -> ReadingWorker:
+    """For the robot: on a thread of low priority, which waits for nobody, since OpenCV releases the interpreter."""
+    return ThreadWorker("reading", load, niceness=NICENESS)
