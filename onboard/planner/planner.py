@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from common.bus import Bus, alive, alive_and_valid
+from common.bus import Bus, alive, alive_and_valid, expires_s
 from common.config import Config
-from common.constants import PLANNER_RATE_HZ, POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
+from common.constants import POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
 from common.messages import (
@@ -32,6 +32,7 @@ from common.messages import (
     RETAKE,
     CarrierState,
     DriveCommand,
+    GridUpdate,
     OperatorCommand,
     Outcome,
     Permit,
@@ -42,15 +43,20 @@ from common.messages import (
     Speed,
     Topic,
 )
+from common.pace import Pace
+from common.side_process import ProcessWorker
 from common.status import StatusReporter
 from common.undecodable import Undecodable
 from common.wall_points import WallPointMap
+from onboard.planner.driving import collision_monitor
 from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, watch
 from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
 from onboard.planner.driving.poi_override import Override, after, speed
 from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
+from onboard.planner.exploration.questions import JudgedGrid
+from onboard.planner.grid.deliberation import BESIDE, Deliberator, Question
 from onboard.planner.grid.grid_map import GridMap
-from onboard.planner.grid.grid_reading import GridError, GridReader
+from onboard.planner.grid.grid_reading import GridError
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.mission import Mission
 from onboard.planner.mission.orders import Orders, is_stopped
@@ -58,7 +64,6 @@ from onboard.planner.mission.table import BLOCKED, Event
 
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
-POINTS_NEAR_M = 4.0
 BOOT_BITS = 16
 PATH_SHOWN_MAX = 2_000  # waypoints
 
@@ -69,27 +74,32 @@ class Planner:
     """Node "planner". Drives only after a start, with a permit and a valid pose."""
 
     name = "planner"
-    period_s = 1.0 / PLANNER_RATE_HZ
-    wakes_on: tuple[Topic[Any], ...] = ()
+    period_s = 0.1
+    wakes_on: tuple[Topic[Any], ...] = (POSE, RANGES, DISTANCES, CARRIER, PERMIT, OPERATION, RETAKE)
 
-    def __init__(self, images_walls: bool = False, boot: int = 0) -> None:
-        """`images_walls`: there is a camera, and every wall shall have been on its right. `boot`, of BOOT_BITS: another
-        number after each restart, which distinguishes its drive commands from those before."""
+    def __init__(self, deliberator: Deliberator, images_walls: bool = False, boot: int = 0) -> None:
+        """`deliberator` answers questions. `images_walls`: there is a camera, and every wall shall have been on its
+        right. `boot`, of BOOT_BITS: another number after each restart, which distinguishes its drive commands from the
+        earlier ones."""
         self._boot = boot
+        self._deliberator = deliberator
+        self._asked: deque[Question] = deque()  # in the order of their answers
         self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
         self._collision = CollisionMonitor()
         self._zero_velocity = ZeroVelocityUpdate()
         self._net_rotation = NetRotationBalancing()
         self._undecodable = Undecodable()
-        self._grid_reader = GridReader()
+        self._grid_update: GridUpdate | None = None  # the newest, to be read next
+        self._next_grid: JudgedGrid | None = None  # was read
         self._grid: GridMap | None = None
-        self._grid_revision = 0
+        self._grid_revision = self._revision_asked = 0
         self._points = WallPointMap()
         self._wanted = Motion(Speed.STOP, 0.0)
         self._pose_seen: PoseEstimate | None = None
         self._command_id = 0
         self._commanded: DriveCommand | None = None
+        self._command_pace = Pace(COMMAND_PERIOD_S)
         self._view_sent_s = -math.inf
         self._orders = Orders()
         self._override = Override()
@@ -97,8 +107,9 @@ class Planner:
         self._right: deque[float] = deque(maxlen=5)
         self._front: deque[float] = deque(maxlen=3)
 
-    def step(self, bus: Bus, now_s: float) -> None:
-        self._take_map(bus)
+    def step(self, bus: Bus, now_s: float) -> float:
+        self._take_answers(now_s)
+        self._take_map(bus, now_s)
         for distances in bus.take(DISTANCES):
             self._left.append(distances.left_m)
             self._right.append(distances.right_m)
@@ -123,26 +134,53 @@ class Planner:
                 error = ErrorCode.BLOCKED
         for note in self._mission.take_notes():
             _log.info("%s", note)
+        self._ask(self._mission.take_question(), now_s)
         self._report(bus, now_s, error)
+        return self._due_s(bus, now_s)
 
     def close(self) -> None:
-        """Nothing is held open."""
+        self._deliberator.close()
 
-    def _take_map(self, bus: Bus) -> None:
+    def _take_map(self, bus: Bus, now_s: float) -> None:
         for update in bus.take(MAP):
             self._points.apply(update)
-        for newest in bus.take(GRID)[-1:]:
-            self._grid_reader.take(newest)
-        if self._mission.deliberates:
-            return  # of the grid that it has; and one long work at a time
-        try:
-            grid = self._grid_reader.advance()
-        except GridError as error:
-            self._undecodable.count(GRID.key, str(error))
-        else:
-            if grid is not None:
-                self._grid = grid
-                self._grid_revision += 1
+        for grid in bus.take(GRID)[-1:]:
+            self._grid_update = grid
+        newest, pose = self._grid_update, bus.latest(POSE)
+        if newest is None or pose is None or self._deliberator.busy or self._mission.deliberates:
+            return  # one at a time; and a deliberation keeps its grid
+        self._grid_update = None
+        self._revision_asked += 1
+        here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
+        self._ask(self._mission.question_about(self._revision_asked, newest, here), now_s)
+
+    def _ask(self, question: Question | None, now_s: float) -> None:
+        if question is not None:
+            self._asked.append(question)
+            self._deliberator.begin(question, now_s)
+
+    def _take_answers(self, now_s: float) -> None:
+        while (outcome := self._deliberator.result(now_s)) is not None:
+            question, answer = self._asked.popleft(), outcome.value
+            if outcome.error is not None:
+                self._begin_deliberating_anew(outcome.error)
+            elif isinstance(answer, GridError):
+                self._undecodable.count(GRID.key, str(answer))
+            elif isinstance(answer, JudgedGrid) and answer.grid is not None:
+                self._next_grid = answer
+            else:
+                self._mission.receive(question, answer)
+                self._pose_seen = None  # the mission goes on at once
+        judged = self._next_grid
+        if judged is not None and not self._mission.deliberates:
+            self._next_grid, self._grid, self._grid_revision = None, judged.grid, judged.revision
+            self._mission.take_in(judged)
+
+    def _begin_deliberating_anew(self, error: Exception) -> None:
+        """What answers has lost the grids: the robot stands until the next one was read."""
+        _log.error("deliberation: %s", error)
+        self._mission.abandon()
+        self._grid = self._next_grid = None
 
     def _operate(
         self, command: OperatorCommand, pose: PoseEstimate | None, permit: Permit | None, now_s: float
@@ -189,7 +227,7 @@ class Planner:
             self._collision = CollisionMonitor()
             self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
             return
-        if pose is not self._pose_seen or self._mission.deliberates:
+        if pose is not self._pose_seen:
             self._pose_seen = pose
             requested = speed(self._override, now_s)
             if requested is None:
@@ -218,7 +256,7 @@ class Planner:
             Pose2(pose.x_m, pose.y_m, pose.heading_rad),
             self._grid,
             self._grid_revision,
-            self._points.near(pose.x_m, pose.y_m, POINTS_NEAR_M),
+            self._points,
             _median(self._left),
             _median(self._right),
             _median(self._front),
@@ -231,7 +269,7 @@ class Planner:
         turn_rad = self._net_rotation.turn_rad(pose.yaw_rad, wrap_angle(motion.heading_rad - pose.heading_rad))
         yaw_rad = wrap_angle(pose.yaw_rad + turn_rad)
         last = self._commanded
-        if last is not None and motion.speed is last.speed and now_s - last.t_s < COMMAND_PERIOD_S - 1e-6:
+        if not self._command_pace.due(now_s, urgent=last is None or motion.speed is not last.speed):
             return
         standing = motion.speed is Speed.STOP and last is not None and last.speed is Speed.STOP
         if standing and last is not None and abs(wrap_angle(yaw_rad - last.yaw_rad)) < 0.03:
@@ -241,6 +279,16 @@ class Planner:
         self._command_id += 1
         self._commanded = DriveCommand(now_s, self._command_id, motion.speed, yaw_rad, boot=self._boot)
         bus.publish(DRIVE, self._commanded)
+
+    def _due_s(self, bus: Bus, now_s: float) -> float:
+        """When there is something to do though nothing arrives."""
+        return min(
+            self._status.latest_s,
+            self._command_pace.due_s,
+            self._deliberator.due_s(now_s),
+            collision_monitor.due_s(self._collision),
+            *(expires_s(bus, topic, now_s) for topic in (POSE, RANGES, DISTANCES)),
+        )
 
     def _report(self, bus: Bus, now_s: float, error: ErrorCode) -> None:
         mission = self._mission.state
@@ -284,4 +332,5 @@ def _median(values: deque[float]) -> float:
 
 def make_planner(config: Config, _: argparse.Namespace) -> Planner:
     """The node of the process."""
-    return Planner(config.has_camera, secrets.randbits(BOOT_BITS))
+    deliberator = ProcessWorker[Question, Any]("deliberation", BESIDE)
+    return Planner(deliberator, config.has_camera, secrets.randbits(BOOT_BITS))

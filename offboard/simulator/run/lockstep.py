@@ -34,6 +34,7 @@ from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
 from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit, carrier_of
+from onboard.planner.grid.deliberation import deferred_deliberator
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi, reader_of
 from onboard.poi.signs.reading_job import deferred_reading
@@ -152,18 +153,25 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     if simulation.camera is not None:
         config = with_camera(config)
-    back_end = deferred_back_end()
+    back_end, deliberator = deferred_back_end(), deferred_deliberator()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
         MappingUnit(back_end, carrier_of(config)),
-        Planner(config.has_camera) if options.route is None else RouteDriver(floor, lambda: simulation.world.truth),
+        Planner(deliberator, config.has_camera)
+        if options.route is None
+        else RouteDriver(floor, lambda: simulation.world.truth),
         Comm(config.comm, outbox=outbox),
     ]
     if recorder is not None:
         nodes.append(recorder)
     if simulation.camera is not None:
         nodes.append(Poi(config.poi, CameraFrames(simulation.camera), deferred_reading(lambda: reader_of(config.poi))))
-    return Lockstep(simulation, nodes, options.seed, back_end.work)
+
+    def beside() -> None:
+        back_end.work()
+        deliberator.work()
+
+    return Lockstep(simulation, nodes, options.seed, beside)
 
 
 def simulate(options: RunOptions) -> int:

@@ -1,13 +1,14 @@
 """The collision monitor, the specification's emergency routine: stop for what is too near in the direction of motion,
 then get away from it.
 
-Runs at the Planner's full rate on the newest ranges, whatever the mission wants.
+Runs in every step of the Planner, so on every new ranges, whatever the mission wants.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
+from math import inf
 
 from common.constants import (
     FOOTPRINT_RADIUS_M,
@@ -59,6 +60,15 @@ def stopping_m(speed_m_s: float) -> float:
     """The distance that the robot still goes at this speed before it stands."""
     speed = max(speed_m_s, 0.0)
     return speed * REACTION_S + speed**2 / (2 * BRAKING_M_S2)
+
+
+def due_s(state: CollisionMonitor) -> float:
+    """When its phase may end though no ranges come (s); infinite where it is clear."""
+    if state.phase is Phase.BACKING:
+        return state.since_s + BACK_OFF_S
+    if state.phase is Phase.STOPPED:
+        return min(state.since_s + BLOCKED_S, state.near_s + CLEAR_S)
+    return inf
 
 
 def watch(

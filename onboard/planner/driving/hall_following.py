@@ -9,7 +9,7 @@ from math import atan2, cos, radians, sin
 
 import numpy as np
 
-from common.geometry import Points, Pose2, RightAngles, wrap_angle
+from common.geometry import FloatArray, Points, Pose2, RightAngles, wrap_angle
 from onboard.planner.exploration.frontiers import Cells, Frontier, opening_on_the_right
 from onboard.planner.exploration.right_hand_rule import shift_rad
 from onboard.planner.grid.grid_map import GridMap
@@ -87,9 +87,17 @@ def hall_direction_rad(points: Points, pose: Pose2, heading_rad: float) -> float
         for _ in range(3):
             if keep.sum() < 15 or np.ptp(x[keep]) < 1.2:
                 break
-            slope, offset = np.polyfit(x[keep], y[keep], 1)
+            slope, offset = _line_through(x[keep], y[keep])
             keep = np.abs(y - slope * x - offset) < 0.06
         else:
             if keep.mean() > 0.6 and abs(slope) < 0.36:
                 return wrap_angle(heading_rad + atan2(float(slope), 1.0))
     return None
+
+
+def _line_through(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope and offset of the line through points (N,), by least squares."""
+    x0, y0 = x.mean(), y.mean()
+    d = x - x0
+    slope = float(d @ (y - y0) / (d @ d))
+    return slope, float(y0 - slope * x0)

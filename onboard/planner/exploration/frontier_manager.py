@@ -1,6 +1,7 @@
 """What the newest grid offers, with all obstacles that were met left out: the list of side halls, and the paths there.
 
-View in; frontier, list, straight paths and routes out. What was visited, put off or met is remembered here.
+A judged grid in; frontier, list, straight paths and the questions for more out. What was visited, put off or met is
+remembered here.
 """
 
 from __future__ import annotations
@@ -11,61 +12,70 @@ from itertools import pairwise
 import numpy as np
 
 from common.geometry import Pose2
+from common.messages import GridUpdate
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, FrontierMemory
+from onboard.planner.exploration.questions import FindPath, JudgedGrid, JudgeGrid
 from onboard.planner.exploration.recovery_memory import Obstacles
-from onboard.planner.grid.grid_map import Cell, Mask
-from onboard.planner.grid.sliced_work import Work
+from onboard.planner.grid.deliberation import Deliberation
+from onboard.planner.grid.grid_map import Cell
 from onboard.planner.grid.view import View
 from onboard.planner.routing.path_following import Path
-from onboard.planner.routing.route_planning import cheapest_path
 
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
 STILL_WANTED_M = 0.5  # between the end of a path and the frontier it was planned for
 
 
 class FrontierManager:
-    """`take_in` comes first in every tick; `frontier` and `groups`, the list, are as of then."""
+    """`frontier` and `groups`, the list, are those of the judged grid that was taken in last."""
 
     def __init__(self) -> None:
         self.frontier: Frontier = frontiers.NOWHERE
         self.groups: list[FrontierGroup] = []
-        self._blocked: Mask = np.zeros((0, 0), dtype=bool)
-        self._grid_seen = -1
         self._memory = FrontierMemory()
         self._obstacles = Obstacles()
+        self._changes = self._judged_changes = 0  # of what is left out: all, and those that the list has
         self._empty_lists = 0
 
-    def take_in(self, view: View) -> None:
-        """Judge the grid where it is new."""
-        self._obstacles.forget(view.now_s)
-        if view.grid_revision != self._grid_seen:
-            self._grid_seen = view.grid_revision
-            self._blocked = self._obstacles.mask(view.grid)
-            self.frontier = self._memory.frontier(view.grid, self._blocked, view.pose)
-            self.groups = frontiers.groups(view.grid, self.frontier)
+    def question(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
+        """About a grid, with all that is to be left out now."""
+        return JudgeGrid(revision, pose, self._memory.left_out, self._obstacles.places, self._changes, update)
+
+    def take_in(self, judged: JudgedGrid) -> None:
+        """The answer."""
+        self.frontier, self.groups, self._judged_changes = judged.frontier, judged.groups, judged.changes
+
+    def judged(self, view: View) -> Deliberation[None]:
+        """Has the grid judged once more where something is to be left out since."""
+        if self._judged_changes != self._changes:
+            self.take_in((yield self.question(view.grid_revision, view.pose)))
+
+    def forget(self, now_s: float) -> None:
+        """Obstacles whose time is over."""
+        self._obstacles.forget(now_s)
 
     def judge_anew(self) -> None:
-        """The next tick reads its grid anew, even if it is the same."""
-        self._grid_seen = -1
+        """What is chosen next is chosen of a list that was made after this."""
+        self._changes += 1
 
     def meet(self, x_m: float, y_m: float, now_s: float) -> None:
         """Something stands here that the map does not know: plan around it for a while."""
         self._obstacles.add(x_m, y_m, now_s)
         # Most often this is a wall that was approached obliquely and is not on the map yet: no frontier lies behind it
-        self._memory.defer(x_m, y_m)
-        self.judge_anew()
+        self.defer(x_m, y_m)
 
     def defer(self, x_m: float, y_m: float) -> None:
         """Something kept the robot from this position."""
         self._memory.defer(x_m, y_m)
+        self.judge_anew()
 
     def mark_visited(self, x_m: float, y_m: float) -> None:
         """This position was visited."""
         self._memory.mark_visited(x_m, y_m)
+        self.judge_anew()
 
     def exhausted(self, now_s: float) -> bool:
-        """Called when no path leads to the list: is it empty for good? If that is uncertain, the grid is read anew."""
+        """Called when no path leads to the list: is it empty for good? If that is uncertain, it is made anew."""
         # An obstacle may hide a path: it must be forgotten first
         self._empty_lists += 0 if self._obstacles.may_hide_a_path(now_s) else 1
         if self._empty_lists < LIST_PATIENCE or self._memory.try_again():
@@ -84,7 +94,7 @@ class FrontierManager:
 
     def straight_reach_m(self, view: View, pose: Pose2) -> float:
         """How far the footprint can go straight on from a pose."""
-        return frontiers.straight_reach_m(view.grid, pose, pose.heading_rad, self._blocked)
+        return frontiers.straight_reach_m(view.grid, pose, pose.heading_rad, self._obstacles.places)
 
     def something_ahead(self, view: View, pose: Pose2, side_m: float = frontiers.STRAIGHT_SIDE_M) -> bool:
         """Would driving straight on from a pose show new floor, up to `side_m` aside?"""
@@ -96,9 +106,10 @@ class FrontierManager:
         gap = self.frontier.points - np.array([x_m, y_m])
         return bool((np.hypot(gap[:, 0], gap[:, 1]) < STILL_WANTED_M).any())
 
-    def route(self, view: View, wanted: Collection[Cell]) -> Work[Path | None]:
+    def route(self, view: View, wanted: Collection[Cell]) -> Deliberation[Path | None]:
         """Waypoints to the cheapest of the wanted cells; None where no path leads there."""
-        return cheapest_path(view.grid, view.pose, wanted, self._obstacles.mask(view.grid))
+        path: Path | None = yield FindPath(view.grid_revision, view.pose, wanted, self._obstacles.places)
+        return path
 
     def is_clear(self, view: View, path: Path) -> bool:
         """Nothing that was met stands on the next two legs, and no wall was seen on the next."""

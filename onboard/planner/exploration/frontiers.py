@@ -7,6 +7,7 @@ list by itself when somebody has. (Frontiers: Yamauchi 1997.)
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
 
@@ -15,13 +16,16 @@ import numpy.typing as npt
 
 from common.geometry import Points, Pose2
 from common.grid_cells import UNKNOWN
+from onboard.planner.exploration.recovery_memory import BLOCK_RADIUS_M, Places
 from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, Cell, GridMap, Mask
 
 GROUP_CELLS_MIN = 5
 GROUP_COARSENESS = 2  # grid cells
 STRAIGHT_MIN_M = 0.45
 STRAIGHT_MAX_M = 6.0
+STRAIGHT_BEGIN_M = 0.2  # where the robot stands is no wall
 STRAIGHT_SIDE_M = 5.0  # frontier this far to the side is seen in passing
+SEEN_FROM_AHEAD = 40  # cells of frontier at least that are looked at, of those that there are
 OPENING_BEHIND_M = (-2.0, -0.5)  # where along the path an opening on the right is judged: when it was passed
 OPENING_SIDE_M = (-3.0, -0.3)
 OPENING_WIDTH_M = 0.6
@@ -54,12 +58,17 @@ NOWHERE = Frontier(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)))
 
 
 class FrontierMemory:
-    """Reads grid and pose; remembers only the places that were visited or tried in vain."""
+    """The places that were visited or tried in vain."""
 
     def __init__(self) -> None:
         self._visited: list[tuple[float, float]] = []
         self._deferred: list[tuple[float, float]] = []
         self.second_try = False
+
+    @property
+    def left_out(self) -> tuple[tuple[float, float], ...]:
+        """Places around which the frontier is not worth a visit now."""
+        return (*self._visited, *self._deferred)
 
     def mark_visited(self, x_m: float, y_m: float) -> None:
         """Whatever frontier is left around this position was visited: it will not be visited again."""
@@ -76,17 +85,18 @@ class FrontierMemory:
         self.second_try, self._deferred = True, []
         return True
 
-    def frontier(self, grid: GridMap, blocked: Mask, pose: Pose2) -> Frontier:
-        """Frontier cells that are still worth a visit, from this pose."""
-        cells = considered(grid, grid.frontier & ~blocked, pose)
-        points = grid.centres(cells)
-        keep = np.ones(len(cells), dtype=bool)
-        for x_m, y_m in self._visited + self._deferred:
-            keep &= np.hypot(points[:, 0] - x_m, points[:, 1] - y_m) >= LEFT_OUT_RADIUS_M
-        return Frontier(cells[keep], points[keep])
+
+def worth_a_visit(grid: GridMap, blocked: Mask, pose: Pose2, left_out: Iterable[tuple[float, float]] = ()) -> Frontier:
+    """Frontier cells that are still worth a visit, from this pose."""
+    cells = considered(grid, grid.frontier & ~blocked, pose)
+    points = grid.centres(cells)
+    keep = np.ones(len(cells), dtype=bool)
+    for x_m, y_m in left_out:
+        keep &= np.hypot(points[:, 0] - x_m, points[:, 1] - y_m) >= LEFT_OUT_RADIUS_M
+    return Frontier(cells[keep], points[keep])
 
 
-def groups(grid: GridMap, frontier: Frontier) -> list[FrontierGroup]:
+def groups(frontier: Frontier) -> list[FrontierGroup]:
     """Groups of at least GROUP_CELLS_MIN frontier cells that lie next to each other (within a coarse cell)."""
     members: dict[tuple[int, int], list[int]] = {}
     for i, (r, c) in enumerate((frontier.cells // GROUP_COARSENESS).tolist()):
@@ -135,21 +145,20 @@ def as_set(cells: Cells) -> set[Cell]:
     return {(r, c) for r, c in cells.tolist()}
 
 
-def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, blocked: Mask | None = None) -> float:
+def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, obstacles: Places = ()) -> float:
     """How far (metres) the footprint can go straight on by the grid, at most STRAIGHT_MAX_M.
 
-    Unknown floor counts as open, `blocked` cells do not.
+    Unknown floor counts as open, the surroundings of obstacles do not.
     """
-    steps = np.arange(0.2, STRAIGHT_MAX_M, grid.cell_m)
+    along = cos(heading_rad), sin(heading_rad)
     rows, columns = grid.line(
-        (pose.x_m, pose.y_m),
-        (pose.x_m + STRAIGHT_MAX_M * cos(heading_rad), pose.y_m + STRAIGHT_MAX_M * sin(heading_rad)),
+        (pose.x_m, pose.y_m), (pose.x_m + STRAIGHT_MAX_M * along[0], pose.y_m + STRAIGHT_MAX_M * along[1])
     )
     tight = grid.clearance_m((rows, columns)) < STAND_CLEARANCE_M
-    if blocked is not None:
-        tight |= blocked[rows, columns]
     distance = np.linspace(0.0, STRAIGHT_MAX_M, len(rows))
-    tight &= distance > steps[0]
+    for x_m, y_m in obstacles:
+        tight |= np.hypot(pose.x_m + distance * along[0] - x_m, pose.y_m + distance * along[1] - y_m) < BLOCK_RADIUS_M
+    tight &= distance > STRAIGHT_BEGIN_M
     return float(distance[tight.argmax()]) if tight.any() else STRAIGHT_MAX_M
 
 
@@ -161,13 +170,12 @@ def something_ahead(
         return False
     points = _relative(frontier, pose, heading_rad)
     ahead = (points[:, 0] > 0.15) & (points[:, 0] < reach_m + 0.5) & (np.abs(points[:, 1]) < side_m)
-    candidates = points[ahead]
-    for x_m, y_m in candidates[:: max(1, len(candidates) // 40)]:
-        at = pose.x_m + x_m * cos(heading_rad), pose.y_m + x_m * sin(heading_rad)
-        target = at[0] - y_m * sin(heading_rad), at[1] + y_m * cos(heading_rad)
-        if grid.sees(at, target):
-            return True
-    return False
+    if not ahead.any():
+        return False
+    every = max(1, np.count_nonzero(ahead) // SEEN_FROM_AHEAD)
+    along_m = points[ahead][::every, :1]
+    beside = np.array([pose.x_m, pose.y_m]) + along_m * np.array([cos(heading_rad), sin(heading_rad)])
+    return bool(grid.sees_each(beside, frontier.points[ahead][::every]).any())
 
 
 def opening_on_the_right(grid: GridMap, frontier: Frontier, pose: Pose2, heading_rad: float) -> Cells | None:
@@ -181,7 +189,7 @@ def opening_on_the_right(grid: GridMap, frontier: Frontier, pose: Pose2, heading
     )
     if not passed.any() or np.ptp(points[passed, 0]) < OPENING_WIDTH_M:
         return None
-    seen = np.array([grid.sees((pose.x_m, pose.y_m), (x, y)) for x, y in frontier.points[passed].tolist()])
+    seen = grid.sees_each(np.array([pose.x_m, pose.y_m]), frontier.points[passed])
     if seen.sum() < GROUP_CELLS_MIN or np.ptp(points[passed][seen, 0]) < OPENING_WIDTH_M:
         return None
     opening: Cells = frontier.cells[passed][seen]
@@ -197,9 +205,10 @@ def unknown_direction_rad(grid: GridMap, x_m: float, y_m: float, fallback_rad: f
     unknown = np.argwhere(window == UNKNOWN)
     if not len(unknown):
         return fallback_rad
-    points = grid.centres(unknown + np.array([r0, c0])) - np.array([x_m, y_m])
-    seen = np.array([grid.sees((x_m, y_m), (x_m + float(p[0]), y_m + float(p[1]))) for p in points[::3]])
-    points = points[::3][seen] if seen.any() else points
+    here = np.array([x_m, y_m])
+    centres = grid.centres(unknown + np.array([r0, c0]))
+    seen = grid.sees_each(here, centres[::3])
+    points = (centres[::3][seen] if seen.any() else centres) - here
     dx, dy = points.mean(axis=0)
     return atan2(float(dy), float(dx)) if hypot(float(dx), float(dy)) > 0.1 else fallback_rad
 

@@ -22,6 +22,8 @@ STAGNANT_STEP_MAX_S = 0.5  # of one step: a gap in the steps is no standing stil
 SAME_PLACE_M = 0.3
 SAME_HEADING_RAD = radians(30.0)
 
+Places = tuple[tuple[float, float], ...]  # in the map, metres
+
 
 class Obstacles:
     """Obstacles that the map does not know: each is planned around for a while, and longer every time again."""
@@ -47,26 +49,30 @@ class Obstacles:
         """Was one met lately where none had been before?"""
         return now_s < self._new_until_s
 
-    def mask(self, grid: GridMap) -> Mask:
-        """Cells (rows, columns) of the grid that lie around them."""
-        mask = np.zeros(grid.cells.shape, dtype=bool)
-        if not self._places:
-            return mask
-        reach = int(BLOCK_RADIUS_M / grid.cell_m) + 2
-        for x_m, y_m, _ in self._places:
-            row, column = grid.cell(x_m, y_m)
-            r0, c0 = max(row - reach, 0), max(column - reach, 0)
-            near = mask[r0 : max(row + reach, 0), c0 : max(column + reach, 0)]
-            rows, columns = np.indices(near.shape)
-            x = grid.origin_x_m + (columns + c0 + 0.5) * grid.cell_m
-            y = grid.origin_y_m + (rows + r0 + 0.5) * grid.cell_m
-            near |= np.hypot(x - x_m, y - y_m) < BLOCK_RADIUS_M
-        return mask
+    @property
+    def places(self) -> Places:
+        """Where they are."""
+        return tuple((x_m, y_m) for x_m, y_m, _ in self._places)
 
     def on_leg(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
         """Does one stand on the straight leg between two positions?"""
         reach_m = BLOCK_RADIUS_M - BLOCK_TOLERANCE_M
         return any(_distance_to_leg((x_m, y_m), a, b) < reach_m for x_m, y_m, _ in self._places)
+
+
+def blocked_cells(grid: GridMap, obstacles: Places) -> Mask:
+    """Cells (rows, columns) of the grid that lie around obstacles."""
+    mask = np.zeros(grid.cells.shape, dtype=bool)
+    reach = int(BLOCK_RADIUS_M / grid.cell_m) + 2
+    for x_m, y_m in obstacles:
+        row, column = grid.cell(x_m, y_m)
+        r0, c0 = max(row - reach, 0), max(column - reach, 0)
+        near = mask[r0 : max(row + reach, 0), c0 : max(column + reach, 0)]
+        rows, columns = np.indices(near.shape)
+        x = grid.origin_x_m + (columns + c0 + 0.5) * grid.cell_m
+        y = grid.origin_y_m + (rows + r0 + 0.5) * grid.cell_m
+        near |= np.hypot(x - x_m, y - y_m) < BLOCK_RADIUS_M
+    return mask
 
 
 class Stillness:

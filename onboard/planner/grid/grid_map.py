@@ -60,6 +60,19 @@ class GridMap:
         cell = self.cell(x_m, y_m)
         return self.contains(cell) and bool(self.standable(cell))
 
+    def cells_of(self, points: Points) -> npt.NDArray[np.int64]:
+        """The cells (N, 2) at positions (N, 2) in the map; they may lie outside the grid."""
+        offset = points - np.array([self.origin_x_m, self.origin_y_m])
+        cells: npt.NDArray[np.int64] = (offset[:, ::-1] // self.cell_m).astype(np.int64)
+        return cells
+
+    def stands_each(self, points: Points) -> Mask:
+        """May the footprint stand there (N,), at positions (N, 2)?"""
+        cells = self.cells_of(points)
+        stands = np.asarray(((cells >= 0) & (cells < np.array(self.cells.shape))).all(axis=1))
+        stands[stands] = self.standable(tuple(cells[stands].T))
+        return stands
+
     def window(self, x_m: float, y_m: float, reach_m: float) -> GridMap:
         """The part of the grid up to `reach_m` from a position along both axes."""
         reach = round(reach_m / self.cell_m)
@@ -127,6 +140,19 @@ class GridMap:
     def sees(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
         """No wall between two positions."""
         return not bool((self.cells[self.line(a, b)] == WALL).any())
+
+    def sees_each(self, a: Points, b: Points) -> Mask:
+        """Of each pair of positions a and b (N, 2), or (2,) for all of them: no wall between (N,)."""
+        a, b = np.atleast_2d(a), np.atleast_2d(b)
+        d = b - a
+        steps = np.clip(np.hypot(d[:, 0], d[:, 1]) / (0.6 * self.cell_m), 1, LINE_STEPS_MAX).astype(np.int64)
+        f = np.minimum(np.arange(int(steps.max(initial=1)) + 1) / steps[:, None], 1.0)
+        columns = ((a[:, :1] + f * d[:, :1] - self.origin_x_m) / self.cell_m).astype(np.int64)
+        rows = ((a[:, 1:] + f * d[:, 1:] - self.origin_y_m) / self.cell_m).astype(np.int64)
+        np.clip(rows, 0, self.cells.shape[0] - 1, out=rows)
+        np.clip(columns, 0, self.cells.shape[1] - 1, out=columns)
+        free: Mask = (self.cells[rows, columns] != WALL).all(axis=1)
+        return free
 
 
 def close_slivers(cells: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:

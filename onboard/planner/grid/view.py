@@ -6,26 +6,30 @@ from dataclasses import dataclass
 
 from common.geometry import Points, Pose2
 from common.messages import Speed
+from common.wall_points import WallPointMap
 from onboard.planner.grid.grid_map import GridMap
 
+POINTS_NEAR_M = 4.0
 FRONT_STOP_M = 0.5  # from the ring's centre: straight driving ends here
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """`points` (N, 2) of walls near the robot, distances from the ring's centre (NaN = no echo).
-
-    `grid_revision` grows with every new grid.
-    """
+    """Distances from the ring's centre (NaN = no echo). `grid_revision` grows with every new grid."""
 
     now_s: float
     pose: Pose2
     grid: GridMap
     grid_revision: int
-    points: Points
+    walls: WallPointMap
     left_m: float
     right_m: float
     front_m: float
+
+    @property
+    def points(self) -> Points:
+        """Of walls near the robot (N, 2)."""
+        return self.walls.near(self.pose.x_m, self.pose.y_m, POINTS_NEAR_M)
 
     @property
     def front_is_near(self) -> bool:

@@ -16,10 +16,11 @@ from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup
 from onboard.planner.exploration.junction import Junction
+from onboard.planner.exploration.questions import FindSpots
 from onboard.planner.exploration.right_hand_rule import Turn
 from onboard.planner.exploration.wall_imaging import WallImaging, beginning
+from onboard.planner.grid.deliberation import Deliberation
 from onboard.planner.grid.grid_map import Cell
-from onboard.planner.grid.sliced_work import Work
 from onboard.planner.grid.view import View
 from onboard.planner.mission.table import Event
 from onboard.planner.routing.path_following import Path
@@ -38,7 +39,7 @@ class Goal:
 
 
 class GoalChoice:
-    """Chooses the next goal, in slices: on a large floor a choice takes more than one step.
+    """Chooses the next goal. What that needs of a floor of any size it asks for: a choice takes some steps.
 
     Decides when exploration is complete: `_of_list` returns `Event.EXPLORED` where no side hall and no wall is left.
     """
@@ -49,11 +50,12 @@ class GoalChoice:
         self._hall = hall
         self._imaging = imaging
 
-    def next(self, view: View, looked_rad: float | None) -> Work[Goal]:
+    def next(self, view: View, looked_rad: float | None) -> Deliberation[Goal]:
         """After a leg, a look, or where a path is lost; `looked_rad`: the robot has just looked there."""
         heading_rad = self._hall.along(view.pose.heading_rad)
         if _stands_askew(view.pose, heading_rad, looked_rad):
             return Goal(Event.TURN, heading_rad, "stands askew")
+        yield from self._frontiers.judged(view)
         headings_rad = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
         choice = self.junction.choose(view, self._frontiers, headings_rad)
         if choice.turn is Turn.FORWARD:
@@ -64,7 +66,7 @@ class GoalChoice:
         goal = yield from self._of_list(view)
         return replace(goal, why=f"{choice} {goal.why}")
 
-    def side_hall(self, view: View, frontier: set[Cell]) -> Work[Goal | None]:
+    def side_hall(self, view: View, frontier: set[Cell]) -> Deliberation[Goal | None]:
         """The nearest of these cells; None where no path leads there."""
         path = (yield from self._frontiers.route(view, frontier)) if frontier else None
         if path is None:
@@ -72,7 +74,7 @@ class GoalChoice:
         self._frontiers.renew_patience()
         return Goal(Event.SIDE_HALL, view.pose.heading_rad, _figures(path, self._frontiers.groups), path)
 
-    def _of_list(self, view: View) -> Work[Goal]:
+    def _of_list(self, view: View) -> Deliberation[Goal]:
         """The nearest of the list, else a wall, else home."""
         listed = frontiers.roomy_cells(view.grid, self._frontiers.groups)
         goal = yield from self.side_hall(view, listed)
@@ -86,10 +88,12 @@ class GoalChoice:
         goal = yield from self._wall(view)
         return goal if goal is not None else Goal(Event.EXPLORED, view.pose.heading_rad)
 
-    def _wall(self, view: View) -> Work[Goal | None]:
+    def _wall(self, view: View) -> Deliberation[Goal | None]:
         """The nearest stretch of wall that the camera has not seen, from its beginning; None where there is none."""
-        spots = (yield from self._imaging.spots(view.grid, view.pose)) if self._imaging is not None else {}
-        path = (yield from self._frontiers.route(view, spots)) if spots else None
+        if self._imaging is None:
+            return None
+        spots: dict[Cell, float] = yield FindSpots(view.grid_revision, view.pose, self._imaging.imaged)
+        path = (yield from self._frontiers.route(view, tuple(spots))) if spots else None
         if path is None:
             return None
         first = beginning(spots, view.grid, view.grid.cell(*path[-1]))

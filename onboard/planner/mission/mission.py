@@ -1,25 +1,29 @@
 """The mission: explore by the right-hand rule and the list of side halls, come home, stop.
 
 Its `step` takes pose, grid, wall points and distances ten times a second and returns the motion that it wants. What was
-seen and chosen becomes an event; `table` alone decides which mode follows.
+seen and chosen becomes an event; `table` alone decides which mode follows. What takes longer than a step, a path for
+example, is a question: it goes out by `take_question`, its answer comes by `receive`, and until then the robot stands,
+or goes on with its leg.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from math import atan2, cos, hypot, pi, sin
+from typing import Any
 
 from common.geometry import Pose2, wrap_angle
-from common.messages import Speed
+from common.messages import GridUpdate, Speed
 from onboard.planner.driving.hall_following import HallFollowing
 from onboard.planner.driving.looking import HEADING_REACHED_RAD, TURN_TIMEOUT_S, Looking
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup, as_set
+from onboard.planner.exploration.questions import JudgedGrid, JudgeGrid
 from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
 from onboard.planner.exploration.wall_imaging import WallImaging
+from onboard.planner.grid.deliberation import Deliberation, Question
 from onboard.planner.grid.grid_map import Cell
-from onboard.planner.grid.sliced_work import Sliced, Work
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.goal_choice import Goal, GoalChoice
 from onboard.planner.mission.table import AT_REST, BLOCKED, CHOICES, ON_LEG, VISITING, Event, Mode, State, Step, after
@@ -56,7 +60,9 @@ class Mission:
         self._retry_s = 0.0
         self._no_path_since_s: float | None = None
         self._align_until_s = 0.0
-        self._deliberation: Sliced[None] | None = None  # a choice or a path that took more than one step so far
+        self._deliberation: Deliberation[None] | None = None  # a choice or a path that waits for an answer
+        self._question: Question | None = None  # that it waits for
+        self._asked = False
         self._notes: list[str] = []
         self._noted = self.state  # as of the newest note
 
@@ -72,8 +78,31 @@ class Mission:
 
     @property
     def deliberates(self) -> bool:
-        """A choice or a path is not complete yet: the next step continues it, on the same grid."""
+        """A choice or a path waits for an answer; it needs the grid that it began with."""
         return self._deliberation is not None
+
+    def take_question(self) -> Question | None:
+        """What it must know to go on, once; its answer goes to `receive`."""
+        question = None if self._asked else self._question
+        self._asked = True
+        return question
+
+    def receive(self, question: Question, answer: Any) -> None:
+        """The answer to a question that was taken; one that nobody waits for any more is dropped."""
+        if question is self._question:
+            self._go_on(answer)
+
+    def abandon(self) -> None:
+        """There will be no answer. What it was for begins anew in the next step."""
+        self._deliberation = self._question = None
+
+    def question_about(self, revision: int, update: GridUpdate, pose: Pose2) -> JudgeGrid:
+        """What is to be known of a new grid before a step may have it."""
+        return self._frontiers.question(revision, pose, update)
+
+    def take_in(self, judged: JudgedGrid) -> None:
+        """The answer to that."""
+        self._frontiers.take_in(judged)
 
     def take_notes(self) -> list[str]:
         """For the log: the changes of mode and the choices since the last call, a line each."""
@@ -120,14 +149,14 @@ class Mission:
             if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._obstructions = 0
                 self._defer(view, f"obstacles={OBSTRUCTIONS_MAX}")
-        self.path, self._deliberation = [], None
+        self.path = []
+        self.abandon()
 
     def step(self, view: View) -> Motion:
         """The motion that is wanted now."""
         dt_s = view.now_s - self._last_s if self._last_s is not None else 0.0
         self._last_s = view.now_s
-        if not self.deliberates:
-            self._frontiers.take_in(view)
+        self._frontiers.forget(view.now_s)
         if self._imaging is not None:
             self._imaging.look(view.grid, view.pose)
         return self._act(view, dt_s)
@@ -138,8 +167,7 @@ class Mission:
             self._defer(view, f"no motion for {STAGNANT_S:.0f} s")
             self._frontiers.judge_anew()
             return stand
-        if self.deliberates:
-            self._carry_on()
+        if self.deliberates and self.mode not in ON_LEG:
             return stand
         if self.mode in AT_REST:
             return stand
@@ -164,7 +192,8 @@ class Mission:
             return step
         self.state = step.state
         if step.moves:
-            self.path, self._deliberation, self._wall_due = [], None, False
+            self.path, self._wall_due = [], False
+            self.abandon()
         if (event is not Event.RETRY and step.state != self._noted) or event in CHOICES:
             self._noted = step.state
             self._notes.append(f"{step.state} before={before.mode.name} event={event.name} {why}".rstrip())
@@ -191,15 +220,20 @@ class Mission:
             self._deliberate(self._choose(view))
         return Motion(Speed.STOP, self._looking.heading_rad)
 
-    def _deliberate(self, work: Work[None]) -> None:
-        self._deliberation = Sliced(work)
-        self._carry_on()
+    def _deliberate(self, work: Deliberation[None]) -> None:
+        self._deliberation = work
+        self._go_on(None)
 
-    def _carry_on(self) -> None:
-        if self._deliberation is not None and self._deliberation.advance():
-            self._deliberation = None
+    def _go_on(self, answer: Any) -> None:
+        work = self._deliberation
+        assert work is not None
+        try:
+            self._question, self._asked = work.send(answer), False
+        except StopIteration:
+            if self._deliberation is work:
+                self.abandon()
 
-    def _choose(self, view: View) -> Work[None]:
+    def _choose(self, view: View) -> Deliberation[None]:
         """The wall that was driven to, else the next goal."""
         if self._wall_due:
             self._happens(Event.WALL_REACHED)
@@ -208,7 +242,7 @@ class Mission:
         looked_rad = self._looking.heading_rad if self.mode is Mode.LOOK else None
         self._set_out(view, (yield from self._choice.next(view, looked_rad)))
 
-    def _enter_opening(self, view: View, frontier: set[Cell]) -> Work[None]:
+    def _enter_opening(self, view: View, frontier: set[Cell]) -> Deliberation[None]:
         goal = yield from self._choice.side_hall(view, frontier)
         if goal is not None:
             self._set_out(view, goal)
@@ -229,10 +263,8 @@ class Mission:
         self._hall.see(view.points, pose)
         if self.mode is Mode.STRAIGHT:
             opening = self._hall.opening_passed(view.grid, self._frontiers.frontier, pose)
-            if opening is not None:
+            if opening is not None and not self.deliberates:
                 self._deliberate(self._enter_opening(view, as_set(opening)))
-                if self.mode is not Mode.STRAIGHT or self.deliberates:
-                    return Motion(Speed.STOP, pose.heading_rad)
         elif self._imaging is not None:
             self._imaging.settle(view.grid, pose)
         if view.front_is_near or not self._leg_shows_new(view):
@@ -284,7 +316,7 @@ class Mission:
             speed = Speed.MEDIUM if self._imaging.worth_going_on(view.grid, pose, heading_rad) else speed
         return Motion(speed, heading_rad)
 
-    def _plan_path(self, view: View) -> Work[None]:
+    def _plan_path(self, view: View) -> Deliberation[None]:
         """A path for the present mode, or another mode where there is none (now)."""
         if self.mode is Mode.ROUTE:
             yield from self._choose(view)

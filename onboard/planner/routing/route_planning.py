@@ -16,17 +16,12 @@ from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import Pose2
 from common.grid_cells import FREE
 from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, STAND_CLEARANCE_M, Cell, GridMap, Mask
-from onboard.planner.grid.sliced_work import Work
 
 COMFORT_M = 0.8  # nearer to a wall than this a path costs more
 COMFORT_WEIGHT = 3.0
 TIGHT_CLEARANCE_M = FOOTPRINT_RADIUS_M + 0.04
 TIGHT_PRICE = 12.0
 START_RADIUS_CELLS = 4  # around the robot every free cell may be stood on: it stands there
-CELLS_PRICED_PER_US = 100
-CELLS_AT_ONCE = 2_000  # of a search, between two yields
-CELL_US = 2
-TRY_US = 30  # of a straight leg
 
 _BEGINNING = 32_767  # no step, for the cell where a search begins
 _IMPASSABLE, _TIGHT = 0, CLEARANCE_MAX_CELLS**2 + 1  # kinds of cells; all others are squared distances to a wall
@@ -48,15 +43,13 @@ class Prices:
 
 def cheapest_path(
     grid: GridMap, pose: Pose2, wanted: Collection[Cell], blocked: Mask
-) -> Work[list[tuple[float, float]] | None]:
+) -> list[tuple[float, float]] | None:
     """Waypoints (map, metres) from a pose to the cheapest of the wanted cells; None where no path leads there."""
     start = grid.cell(pose.x_m, pose.y_m)
     if not grid.contains(start):
         return None
-    prices = cell_prices(grid, start, blocked)
-    yield grid.cells.size // CELLS_PRICED_PER_US
-    path = yield from shortest_path(prices, start, wanted)
-    return None if path is None else (yield from pull_string(grid, path, blocked))
+    path = shortest_path(cell_prices(grid, start, blocked), start, wanted)
+    return None if path is None else pull_string(grid, path, blocked)
 
 
 def cell_prices(grid: GridMap, start: Cell, blocked: Mask | None = None) -> Prices:
@@ -80,7 +73,7 @@ def cell_prices(grid: GridMap, start: Cell, blocked: Mask | None = None) -> Pric
     return Prices(bordered, by_kind)
 
 
-def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> Work[CellPath | None]:
+def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> CellPath | None:
     """From `start` to the cheapest of the wanted cells, or None where none can be reached (Dijkstra 1959).
 
     A diagonal step costs the square root of two times as much.
@@ -99,7 +92,6 @@ def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> Work
     back[first] = _BEGINNING
     queue: list[tuple[float, int]] = [(0.0, first)]
     pop, push = heapq.heappop, heapq.heappush
-    until_yield = CELLS_AT_ONCE
     while queue:
         cost, cell = pop(queue)
         if cost > best[cell]:
@@ -115,10 +107,6 @@ def shortest_path(prices: Prices, start: Cell, wanted: Collection[Cell]) -> Work
                     best[near] = total
                     back[near] = step
                     push(queue, (total, near))
-        until_yield -= 1
-        if not until_yield:
-            until_yield = CELLS_AT_ONCE
-            yield CELLS_AT_ONCE * CELL_US
     return None
 
 
@@ -132,7 +120,7 @@ def _traced(back: memoryview, cell: int, width: int) -> CellPath:
     return np.stack([rows, columns], axis=1) - 1
 
 
-def pull_string(grid: GridMap, path: CellPath, blocked: Mask | None = None) -> Work[list[tuple[float, float]]]:
+def pull_string(grid: GridMap, path: CellPath, blocked: Mask | None = None) -> list[tuple[float, float]]:
     """Waypoints (map, metres): as few straight legs as keep the clearance that the path itself keeps."""
     clearance = grid.clearance_m((path[:, 0], path[:, 1]))
     waypoints = [_centre(grid, path, 0)]
@@ -144,7 +132,6 @@ def pull_string(grid: GridMap, path: CellPath, blocked: Mask | None = None) -> W
             end = at + step
             wanted = min(float(clearance[at : end + 1].min()), 0.6) - 0.5 * grid.cell_m
             least_m = max(wanted, STAND_CLEARANCE_M - grid.cell_m)
-            yield TRY_US
             if not straight_is_clear(grid, waypoints[-1], _centre(grid, path, end), least_m, blocked):
                 break
             reach = end
