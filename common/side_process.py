@@ -27,7 +27,7 @@ from typing import IO, Any, Generic, TypeVar
 
 from common.environment import PROCESS_ENVIRONMENT
 from common.memory import give_back
-from common.side_work import LOOK_S, Outcome, WorkLost
+from common.side_work import LOOK_S, JobOutcome, WorkLost
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -52,7 +52,7 @@ class ProcessWorker(Generic[J, R]):
         self._name = name
         self._command = [sys.executable, "-m", __name__, load, *arguments]
         self._jobs: queue.SimpleQueue[tuple[J] | None] = queue.SimpleQueue()  # None: the end
-        self._results: queue.SimpleQueue[Outcome[R]] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[JobOutcome[R]] = queue.SimpleQueue()
         self._pending = 0
         self._ending = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
@@ -77,7 +77,7 @@ class ProcessWorker(Generic[J, R]):
         self._pending += 1
         self._jobs.put((job,))
 
-    def result(self, now_s: float) -> Outcome[R] | None:
+    def result(self, now_s: float) -> JobOutcome[R] | None:
         try:
             outcome = self._results.get_nowait()
         except queue.Empty:
@@ -88,7 +88,7 @@ class ProcessWorker(Generic[J, R]):
     def due_s(self, now_s: float) -> float:
         return now_s + LOOK_S if self._pending else inf
 
-    def close(self) -> Outcome[R] | None:
+    def close(self) -> JobOutcome[R] | None:
         self._ending.set()
         self._jobs.put(None)
         self._thread.join(CLOSE_S)
@@ -135,9 +135,9 @@ class ProcessWorker(Generic[J, R]):
         while (job := self._jobs.get()) is not None and not self._ending.is_set():
             try:
                 _send(process.stdin, job[0])
-                self._results.put(Outcome(_receive(process.stdout)))
+                self._results.put(JobOutcome(_receive(process.stdout)))
             except (OSError, EOFError, pickle.UnpicklingError) as error:
-                self._results.put(Outcome(None, WorkLost(f"{self._name} ended ({error})")))
+                self._results.put(JobOutcome(None, WorkLost(f"{self._name} ended ({error})")))
                 return
             give_back()
 

@@ -31,7 +31,7 @@ class WorkLost(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome(Generic[R]):
+class JobOutcome(Generic[R]):
     """What a job returned, or why it could not be done."""
 
     value: R | None
@@ -56,13 +56,13 @@ class SideWorker(Protocol[J_in, R]):
     def begin(self, job: J_in, now_s: float) -> None:
         """Take a job in; after those that are pending."""
 
-    def result(self, now_s: float) -> Outcome[R] | None:
+    def result(self, now_s: float) -> JobOutcome[R] | None:
         """Of the oldest job, once; None while it is not done. Raises what went wrong and is no outcome."""
 
     def due_s(self, now_s: float) -> float:
         """When to look for a result (s, on the clock of `now_s`); infinite while nothing is pending."""
 
-    def close(self) -> Outcome[R] | None:
+    def close(self) -> JobOutcome[R] | None:
         """Ends with the job that runs; its outcome. Those behind it are dropped."""
 
 
@@ -80,7 +80,7 @@ class DeferredWorker(Generic[J, R]):
         self._load, self._latency_s, self._errors = load, latency_s, errors
         self._work: Work[J, R] | None = None
         self._jobs: deque[tuple[float, J]] = deque()
-        self._done: deque[tuple[float, Outcome[R]]] = deque()
+        self._done: deque[tuple[float, JobOutcome[R]]] = deque()
 
     @property
     def pending(self) -> int:
@@ -98,7 +98,7 @@ class DeferredWorker(Generic[J, R]):
             due_s, job = self._jobs.popleft()
             self._done.append((due_s, self._outcome(job)))
 
-    def result(self, now_s: float) -> Outcome[R] | None:
+    def result(self, now_s: float) -> JobOutcome[R] | None:
         if now_s < self._first_due_s():
             return None
         self.work()
@@ -107,7 +107,7 @@ class DeferredWorker(Generic[J, R]):
     def due_s(self, now_s: float) -> float:
         return max(self._first_due_s(), now_s)
 
-    def close(self) -> Outcome[R] | None:
+    def close(self) -> JobOutcome[R] | None:
         self.work()
         return self._done.popleft()[1] if self._done else None
 
@@ -115,13 +115,13 @@ class DeferredWorker(Generic[J, R]):
         first = self._done or self._jobs
         return first[0][0] if first else inf
 
-    def _outcome(self, job: J) -> Outcome[R]:
+    def _outcome(self, job: J) -> JobOutcome[R]:
         if self._work is None:
             self._work = self._load()
         try:
-            return Outcome(self._work(job))
+            return JobOutcome(self._work(job))
         except self._errors as error:
-            return Outcome(None, error)
+            return JobOutcome(None, error)
 
 
 class ThreadWorker(Generic[J, R]):
@@ -152,7 +152,7 @@ class ThreadWorker(Generic[J, R]):
     def begin(self, job: J, now_s: float) -> None:
         self._running.append(self._thread.submit(lambda: self._work.result()(job)))
 
-    def result(self, now_s: float) -> Outcome[R] | None:
+    def result(self, now_s: float) -> JobOutcome[R] | None:
         if self._work.done():
             self._work.result()
         if not self._running or not self._running[0].done():
@@ -162,15 +162,15 @@ class ThreadWorker(Generic[J, R]):
     def due_s(self, now_s: float) -> float:
         return now_s + LOOK_S if self._running else inf
 
-    def close(self) -> Outcome[R] | None:
+    def close(self) -> JobOutcome[R] | None:
         self._thread.shutdown(wait=True, cancel_futures=True)
         return self._outcome() if self._running and not self._running[0].cancelled() else None
 
-    def _outcome(self) -> Outcome[R]:
+    def _outcome(self) -> JobOutcome[R]:
         try:
-            return Outcome(self._running.popleft().result())
+            return JobOutcome(self._running.popleft().result())
         except self._errors as error:
-            return Outcome(None, error)
+            return JobOutcome(None, error)
 
 
 def _lower_priority(niceness: int) -> None:

@@ -152,7 +152,7 @@ class Planner:
         self._grid_update = None
         self._revision_asked += 1
         here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-        self._ask(self._mission.question_about(self._revision_asked, newest, here), now_s)
+        self._ask(self._mission.question_about(self._revision_asked, here, newest), now_s)
 
     def _ask(self, question: Question | None, now_s: float) -> None:
         if question is not None:

@@ -38,6 +38,7 @@ from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_record import RECORD_NAME
 from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit
+from onboard.planner.grid.deliberation import deferred_deliberator
 from onboard.planner.planner import Planner
 from onboard.poi.poi import Poi
 from onboard.poi.signs.reading_job import deferred_reading
@@ -180,7 +181,8 @@ def mmu(bus: WireBus) -> Stage:
 
 
 def planner(bus: WireBus) -> Stage:
-    return Stage(Planner(images_walls=True), bus, _read_by("planner"))
+    deliberator = deferred_deliberator()
+    return Stage(Planner(deliberator, images_walls=True), bus, _read_by("planner"), lambda now_s: deliberator.work())
 
 
 def comm(bus: WireBus) -> Stage:

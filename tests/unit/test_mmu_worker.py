@@ -11,7 +11,7 @@ import pytest
 
 from common.geometry import Pose2
 from common.side_process import ProcessWorker
-from common.side_work import Outcome, WorkLost
+from common.side_work import JobOutcome, WorkLost
 from onboard.mmu.back_end.back_end_link import BackEndLink, BackEndWorker
 from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.back_end.map_builder import deferred_back_end
@@ -68,8 +68,8 @@ class Lost:
 
     def begin(self, job: Increment, now_s: float) -> None: ...
 
-    def result(self, now_s: float) -> Outcome[Correction]:
-        return Outcome(None, WorkLost("ended"))
+    def result(self, now_s: float) -> JobOutcome[Correction]:
+        return JobOutcome(None, WorkLost("ended"))
 
     def due_s(self, now_s: float) -> float:
         return now_s

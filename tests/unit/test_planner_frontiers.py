@@ -19,7 +19,9 @@ from onboard.planner.exploration.frontiers import (
     something_ahead,
     straight_reach_m,
     unknown_direction_rad,
+    worth_a_visit,
 )
+from onboard.planner.exploration.recovery_memory import BLOCK_RADIUS_M
 from onboard.planner.grid.grid_map import GridMap
 from tests.unit.test_planner_grid_map import drawn, hall
 
@@ -27,7 +29,7 @@ EAST = 0.0
 
 
 def frontier_of(grid: GridMap) -> Frontier:
-    return FrontierMemory().frontier(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0))
+    return worth_a_visit(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0))
 
 
 def junction(opening_m: float = 2.0) -> GridMap:
@@ -50,14 +52,14 @@ def junction(opening_m: float = 2.0) -> GridMap:
 @pytest.mark.requirement("PLN_MR_01")
 def test_every_unseen_end_is_one_group_with_its_middle() -> None:
     grid = drawn([(1.0, 2.0, 9.0, 4.0)], [(1.0, 1.9, 9.0, 2.0), (1.0, 4.0, 9.0, 4.1)])
-    found = sorted(groups(grid, frontier_of(grid)), key=lambda group: group.x_m)
+    found = sorted(groups(frontier_of(grid)), key=lambda group: group.x_m)
     assert [group.x_m for group in found] == pytest.approx([1.05, 8.95])
     assert [group.y_m for group in found] == pytest.approx([3.0, 3.0], abs=0.05)
 
 
 def test_a_closed_floor_has_no_group() -> None:
     grid = hall()
-    assert groups(grid, frontier_of(grid)) == []
+    assert groups(frontier_of(grid)) == []
 
 
 def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> None:
@@ -65,14 +67,15 @@ def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> N
     exploration = FrontierMemory()
     for y_m in (2.5, 3.0, 3.5):
         exploration.mark_visited(8.9, y_m)
-    left = groups(grid, exploration.frontier(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)))
+    nothing = np.zeros(grid.cells.shape, dtype=bool)
+    left = groups(worth_a_visit(grid, nothing, Pose2(0.0, 0.0, 0.0), exploration.left_out))
     assert [group.x_m for group in left] == pytest.approx([1.05])
 
 
 def test_what_is_blocked_is_no_frontier() -> None:
     grid = hall(closed=False)
     assert len(frontier_of(grid).cells)
-    assert not len(FrontierMemory().frontier(grid, np.ones(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)).cells)
+    assert not len(worth_a_visit(grid, np.ones(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0)).cells)
 
 
 def test_of_too_many_cells_those_around_the_robot_are_considered() -> None:
@@ -90,13 +93,12 @@ def test_straight_on_ends_before_the_wall() -> None:
     assert straight_reach_m(grid, Pose2(2.0, 2.0, 0.0), pi / 2) < 0.9
 
 
-def test_straight_on_unknown_floor_counts_as_open_and_blocked_cells_do_not() -> None:
+def test_straight_on_unknown_floor_counts_as_open_and_obstacles_do_not() -> None:
     grid = hall(length_m=2.0, closed=False)
     pose = Pose2(2.0, 2.0, 0.0)
     assert straight_reach_m(grid, pose, EAST) == STRAIGHT_MAX_M
-    blocked = np.zeros(grid.cells.shape, dtype=bool)
-    blocked[:, 26:29] = True
-    assert straight_reach_m(grid, pose, EAST, blocked) == pytest.approx(0.6, abs=0.15)
+    assert straight_reach_m(grid, pose, EAST, ((3.0, 2.1),)) == pytest.approx(1.0 - BLOCK_RADIUS_M, abs=0.15)
+    assert straight_reach_m(grid, pose, EAST, ((3.0, 2.6),)) == STRAIGHT_MAX_M
 
 
 def test_an_unseen_end_lies_ahead_and_a_seen_one_does_not() -> None:

@@ -13,8 +13,7 @@ from common.constants import FOOTPRINT_RADIUS_M
 from common.grid_cells import FREE, UNKNOWN, WALL
 from common.messages import GridUpdate
 from onboard.planner.grid.grid_map import GridMap, close_slivers
-from onboard.planner.grid.grid_reading import GridError, GridReader, read
-from onboard.planner.grid.sliced_work import Sliced, at_once
+from onboard.planner.grid.grid_reading import TILE_CELLS, GridError, read
 
 CELL_M = 0.1
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
@@ -59,7 +58,7 @@ def update_of(grid: GridMap, revision: int = 1, margin: int = 0, t_s: float = 0.
 
 
 def test_message_is_read_and_cut_to_what_is_known() -> None:
-    grid = at_once(read(update_of(hall(), margin=50)))
+    grid = read(update_of(hall(), margin=50))
     assert grid.cells.shape[0] < 50
     assert grid.cells[grid.cell(3.0, 2.0)] == FREE
     assert grid.cells[grid.cell(3.0, 0.95)] == WALL
@@ -78,39 +77,25 @@ def test_message_is_read_and_cut_to_what_is_known() -> None:
 )
 def test_a_message_that_is_no_grid_is_refused(broken: dict[str, Any]) -> None:
     with pytest.raises(GridError):
-        at_once(read(replace(update_of(hall()), **broken)))
+        read(replace(update_of(hall()), **broken))
 
 
-def test_a_large_grid_is_read_in_slices_and_as_if_at_once() -> None:
+def test_a_large_grid_is_read_in_tiles_and_as_if_it_were_one() -> None:
     chance = np.random.default_rng(1)
     coarse = chance.choice(np.array([UNKNOWN, FREE, FREE, WALL], np.uint8), (250, 180))
     cells = np.kron(coarse, np.ones((6, 7), np.uint8))
     cells[chance.random(cells.shape) < 0.1] = UNKNOWN
     cells[[0, -1]] = FREE
-    work = Sliced(read(update_of(GridMap(cells, -20.0, 5.0, CELL_M))))
-    slices = 1
-    while not work.advance(budget=10_000):
-        slices += 1
-    grid, whole = work.result, GridMap(close_slivers(cells), -20.0, 5.0, CELL_M)
-    assert slices > 5
+    grid = read(update_of(GridMap(cells, -20.0, 5.0, CELL_M)))
+    whole = GridMap(close_slivers(cells), -20.0, 5.0, CELL_M)
+    assert min(grid.cells.shape) > 2 * TILE_CELLS
     assert (grid.cells == whole.cells).all()
     assert (grid.wall_distance2 == whole.wall_distance2).all()
     assert (grid.frontier == whole.frontier).all()
 
 
-def test_a_grid_that_comes_while_another_is_read_is_read_next() -> None:
-    reader = GridReader()
-    large = update_of(drawn([(1.0, 1.0, 159.0, 159.0)], size_m=(160.0, 160.0)))
-    reader.take(large)
-    assert reader.advance() is None
-    reader.take(update_of(hall(4.0)))
-    reader.take(update_of(hall()))
-    grids = [grid for grid in (reader.advance() for _ in range(50)) if grid is not None]
-    assert [grid.cells.shape for grid in grids] == [(1588, 1588), at_once(read(update_of(hall()))).cells.shape]
-
-
 def test_a_grid_with_nothing_known_has_no_frontier_and_no_area() -> None:
-    grid = at_once(read(update_of(drawn([]))))
+    grid = read(update_of(drawn([])))
     assert not grid.frontier.any()
     assert grid.area_m2 == 0.0
 
@@ -144,6 +129,23 @@ def test_sight_ends_at_a_wall() -> None:
     grid = drawn([(1.0, 1.0, 9.0, 3.0)], [(5.0, 1.0, 5.1, 2.0)])
     assert not grid.sees((3.0, 1.5), (7.0, 1.5))
     assert grid.sees((3.0, 2.5), (7.0, 2.5))
+
+
+def test_many_sight_lines_are_looked_along_as_one_by_one() -> None:
+    grid, chance = drawn([(1.0, 1.0, 9.0, 5.0)], [(5.0, 1.0, 5.1, 2.0), (3.0, 3.0, 3.1, 5.0)]), np.random.default_rng(2)
+    a, b = chance.uniform(-1.0, 10.0, (2, 300, 2))
+    one_by_one = [grid.sees(tuple(start), tuple(end)) for start, end in zip(a.tolist(), b.tolist(), strict=True)]
+    assert 30 < sum(one_by_one) < 270
+    assert np.mean(grid.sees_each(a, b) == one_by_one) > 0.99
+    from_one = [grid.sees(tuple(a[0].tolist()), tuple(end)) for end in b.tolist()]
+    assert np.mean(grid.sees_each(a[0], b) == from_one) > 0.99
+    assert grid.sees_each(a[0], b[:0]).shape == (0,)
+
+
+def test_the_footprint_stands_at_many_places_where_it_stands_at_each() -> None:
+    grid = hall()
+    places = np.random.default_rng(3).uniform(-1.0, 11.0, (500, 2))
+    assert grid.stands_each(places).tolist() == [grid.stands(x_m, y_m) for x_m, y_m in places.tolist()]
 
 
 def test_lines_that_leave_the_grid_stay_inside_the_array() -> None:

@@ -7,10 +7,13 @@ from math import cos, inf, nan, pi, radians, sin
 import numpy as np
 import pytest
 
-from common.geometry import Points, Pose2, wrap_angle
-from common.messages import Outcome, Speed
+from common.geometry import Pose2, wrap_angle
+from common.messages import MapUpdate, Outcome, Speed
+from common.wall_points import WallPointMap
+from onboard.planner.exploration.questions import JudgedGrid
 from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S
 from onboard.planner.exploration.wall_imaging import WallImaging
+from onboard.planner.grid.deliberation import Grids, Question
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.mission import NO_PATH_PATIENCE_S, Mission
@@ -36,16 +39,26 @@ class Drive:
         self.grid, self.pose = grid, pose
         self.mission = Mission()
         self.now_s = 100.0
-        self.revision = 1
-        self.points: Points = np.zeros((0, 2))
+        self.revision = 0
+        self.walls = WallPointMap()
+        self.answers_every = 1  # steps
+        self._question: Question | None = None
+        self._grids = Grids()
+        self._steps = 0
 
     def view(self) -> View:
-        return View(self.now_s, self.pose, self.grid, self.revision, self.points, nan, nan, nan)
+        return View(self.now_s, self.pose, self.grid, self.revision, self.walls, nan, nan, nan)
 
     def step(self) -> Motion:
         self.now_s += PERIOD_S
-        self.revision = int(self.now_s)
+        if int(self.now_s) != self.revision and not self.mission.deliberates:
+            self._new_grid(int(self.now_s))
+        self._steps += 1
+        if self._question is not None and self._steps % self.answers_every == 0:
+            question, self._question = self._question, None
+            self.mission.receive(question, question.answer(self._grids))
         motion = self.mission.step(self.view())
+        self._question = self.mission.take_question() or self._question
         off_rad = wrap_angle(motion.heading_rad - self.pose.heading_rad)
         turn_rad = max(-TURN_RAD_S * PERIOD_S, min(TURN_RAD_S * PERIOD_S, off_rad))
         step_m = 0.0 if abs(off_rad) > radians(15.0) else SPEEDS[motion.speed] * PERIOD_S
@@ -54,6 +67,13 @@ class Drive:
             self.pose.x_m + step_m * cos(heading_rad), self.pose.y_m + step_m * sin(heading_rad), heading_rad
         )
         return motion
+
+    def _new_grid(self, revision: int) -> None:
+        self.revision = revision
+        self._grids.put(revision, self.grid)
+        judged = self.mission.question_about(revision, self.pose).answer(self._grids)
+        assert isinstance(judged, JudgedGrid)
+        self.mission.take_in(judged)
 
     def until(self, mode: Mode, within_s: float) -> bool:
         end_s = self.now_s + within_s
@@ -119,26 +139,57 @@ def test_choices_and_changes_of_mode_are_noted_once_with_their_figures() -> None
 
 
 def test_a_way_that_takes_long_to_find_is_waited_for_and_driven() -> None:
-    drive = Drive(drawn([(0.0, 0.0, 40.0, 40.0)], size_m=(40.0, 40.0)), Pose2(38.0, 38.0, 0.0))
+    drive = Drive(drawn([(0.0, 0.0, 9.0, 5.0)]), Pose2(8.0, 4.0, 0.0))
+    drive.answers_every = 30
     drive.mission.order(Event.GO_TO, (2.0, 2.0))
     speeds = [drive.step().speed]
     while drive.mission.deliberates:
         speeds.append(drive.step().speed)
-    assert speeds == [Speed.STOP] * len(speeds)
-    assert 3 < len(speeds) < 50
+    assert speeds[:-1] == [Speed.STOP] * (len(speeds) - 1)
+    assert 20 < len(speeds) < 50
     assert drive.mission.path[-1] == (2.0, 2.0)
     assert drive.step().speed is not Speed.STOP
 
 
 def test_who_is_sent_home_does_not_go_on_looking_for_another_way() -> None:
-    drive = Drive(drawn([(-1.0, -1.0, 40.0, 40.0)], [], (41.0, 41.0), (-1.0, -1.0)), Pose2(38.0, 38.0, 0.0))
-    drive.mission.order(Event.GO_TO, (2.0, 30.0))
+    drive = Drive(drawn([(-1.0, -1.0, 9.0, 5.0)], [], (10.0, 6.0), (-1.0, -1.0)), Pose2(8.0, 4.0, 0.0))
+    drive.answers_every = 30
+    drive.mission.order(Event.GO_TO, (2.0, 4.0))
     drive.step()
     assert drive.mission.deliberates
     drive.mission.order(Event.GO_HOME)
     while drive.step().speed is Speed.STOP:
-        pass
+        assert drive.now_s < 130.0
     assert drive.mission.path[-1] == (0.0, 0.0)
+
+
+def test_a_leg_goes_on_while_it_is_found_out_whether_an_opening_can_be_entered() -> None:
+    side = [(1.0, 2.0, 9.0, 4.0), (3.0, 1.5, 5.0, 2.0)]
+    walls = [(1.0, 4.0, 9.0, 4.1), (1.0, 1.9, 3.0, 2.0), (5.0, 1.9, 9.0, 2.0), (0.9, 1.9, 1.0, 4.1)]
+    drive = Drive(drawn(side, walls), Pose2(2.0, 3.0, 0.0))
+    drive.mission.start(drive.pose, drive.now_s)
+    assert drive.until(Mode.STRAIGHT, 20.0)
+    drive.answers_every = 7
+    speeds = set()
+    while drive.mission.mode is Mode.STRAIGHT:
+        deliberated, speed = drive.mission.deliberates, drive.step().speed
+        if deliberated and drive.mission.mode is Mode.STRAIGHT:
+            speeds.add(speed)
+        assert drive.now_s < 160.0
+    assert drive.mission.mode is Mode.ROUTE
+    assert speeds == {Speed.MEDIUM}
+    assert drive.mission.path[-1][1] < 2.0
+
+
+def test_a_step_without_its_answer_begins_the_choice_anew() -> None:
+    drive = Drive(closed_hall(), Pose2(4.0, 0.3, 2.0))
+    drive.answers_every = 10_000
+    drive.mission.order(Event.GO_HOME)
+    drive.step()
+    assert drive.mission.deliberates
+    drive.mission.abandon()
+    drive.answers_every = 1
+    assert drive.until(Mode.DONE, 180.0)
 
 
 def test_home_that_cannot_be_reached_is_waited_for_and_reached_when_the_way_is_open_again() -> None:
@@ -267,7 +318,8 @@ def test_another_photo_is_taken_from_where_it_was_asked_for() -> None:
 
 def test_a_robot_that_stands_askew_in_a_hall_turns_along_it_before_it_goes_on() -> None:
     drive = Drive(hall(8.0, 2.0, closed=False), Pose2(4.0, 2.0, 0.0))
-    drive.points = np.stack([np.arange(1.0, 9.0, 0.05), np.full(160, 1.0)], axis=1)
+    points = np.stack([np.arange(1.0, 9.0, 0.05), np.full(160, 1.0)], axis=1).astype(np.float32)
+    drive.walls.apply(MapUpdate(0.0, 1, 0, points, np.zeros(160, np.uint8)))
     drive.mission.start(drive.pose, drive.now_s)
     assert drive.until(Mode.STRAIGHT, 20.0)
     while drive.pose.x_m < 6.0:

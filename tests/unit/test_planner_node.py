@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import replace
-from math import nan, pi, radians
+from math import inf, nan, pi, radians
+from typing import Any
 
 import numpy as np
 import pytest
 
-from common.bus import LocalMesh
+from common.bus import ALIVE_PERIODS, LocalMesh
 from common.constants import SONAR_COUNT
 from common.errors import ErrorCode
 from common.geometry import wrap_angle
@@ -39,12 +42,17 @@ from common.messages import (
     PoseEstimate,
     Ranges,
     Speed,
+    Topic,
 )
+from common.node import STEP_GAP_S, Agenda
+from common.side_work import LOOK_S, DeferredWorker, JobOutcome, WorkLost
 from onboard.planner.driving.net_rotation_balancing import AHEAD_RAD
 from onboard.planner.driving.zero_velocity_update import REST_EVERY_S, REST_S
+from onboard.planner.grid.deliberation import Deliberator, Question, deferred_deliberator, load
 from onboard.planner.planner import Planner
 from tests.unit.test_planner_grid_map import drawn, hall, update_of
 
+TICK_S = 0.005
 FAR = (1.0, nan, nan, nan, 1.0)
 SOMETHING_AHEAD = (1.0, nan, 0.25, nan, 1.0)
 
@@ -52,10 +60,13 @@ SOMETHING_AHEAD = (1.0, nan, 0.25, nan, 1.0)
 class Robot:
     """The Planner with everything around it in good order, and nothing that moves: the pose is the test's to set."""
 
-    def __init__(self) -> None:
+    def __init__(self, deliberator: Deliberator | None = None) -> None:
         self.mesh = LocalMesh()
-        self.planner = Planner()
+        self.planner = Planner(deliberator or deferred_deliberator())
         self.bus = self.mesh.endpoint("planner")
+        self.bus.wake_on(self.planner.wakes_on)
+        self.steps_s: list[float] = []
+        self._agenda = Agenda(self.planner, 0.0)
         self.others = self.mesh.endpoint("others")
         self.others.take(DRIVE)
         self.pose: PoseEstimate | None = PoseEstimate(0.0, 2.0, 2.0, 0.0, 0.3, 0.05, 0.01, 0)
@@ -70,13 +81,29 @@ class Robot:
 
     def run(self, seconds: float) -> list[DriveCommand]:
         """Every sender at its rate; the commands that were given meanwhile."""
-        for _ in range(round(seconds / self.planner.period_s)):
+        for _ in range(round(seconds / TICK_S)):
             self._ticks += 1
-            self.mesh.now_s = self._ticks * self.planner.period_s
-            if self._ticks % 10 == 1:
+            self.mesh.now_s = self._ticks * TICK_S
+            if self._ticks % 20 == 1:
                 self._report()
-            self.planner.step(self.bus, self.now_s)
+            self._step_when_due()
         return self.others.take(DRIVE)
+
+    def run_until(self, what: Callable[[DriveCommand], bool], within_s: float) -> float:
+        """How long it took until such a command was published (s)."""
+        began_s = self.now_s
+        while self.now_s < began_s + within_s:
+            found = [command.t_s for command in self.run(TICK_S) if what(command)]
+            if found:
+                return found[0] - began_s
+        raise AssertionError(f"no such command within {within_s} s")
+
+    def _step_when_due(self) -> None:
+        due = self.now_s >= self._agenda.due_s - 1e-9 or self.bus.woken
+        if due and self.now_s >= self._agenda.earliest_s - 1e-9:
+            self.bus.woken = False
+            self.steps_s.append(self.now_s)
+            self._agenda.stepped(self.now_s, self.planner.step(self.bus, self.now_s))
 
     def _report(self) -> None:
         say, now_s = self.others.publish, self.now_s
@@ -87,7 +114,7 @@ class Robot:
             say(DISTANCES, Distances(now_s, self.ranges_m[0], self.ranges_m[4], self.ranges_m[2]))
         if self.permit is not None:
             say(PERMIT, replace(self.permit, t_s=now_s))
-        if self.grid is not None and self._ticks % 100 == 1:
+        if self.grid is not None and self._ticks % 200 == 1:
             self.grid = replace(self.grid, t_s=now_s, revision=self.grid.revision + 1)
             say(GRID, self.grid)
         driven = self.others.latest(DRIVE)
@@ -492,3 +519,152 @@ def test_a_pose_from_a_far_time_does_not_end_the_steering() -> None:
     robot.planner.step(robot.bus, robot.now_s)
     robot.ask(Operation.GOTO, 900.0, 900.0)
     assert not moving(robot.run(2.0)[-5:]), "no path leads there"
+
+
+# Reaction times, by events
+
+
+class Held(DeferredWorker[Question, Any]):
+    """Answers nothing while it is `held`, as if a search took so long."""
+
+    held = False
+
+    def __init__(self) -> None:
+        super().__init__(load)
+
+    def result(self, now_s: float) -> JobOutcome[Any] | None:
+        return None if self.held else super().result(now_s)
+
+    def due_s(self, now_s: float) -> float:
+        return now_s + LOOK_S if self.busy else inf
+
+
+def stops(command: DriveCommand) -> bool:
+    return command.speed is Speed.STOP
+
+
+def searching_on_a_leg() -> Robot:
+    """It drives, and a question of its has no answer."""
+    deliberator = Held()
+    robot = Robot(deliberator).started()
+    deliberator.held = True
+    robot.run(2.0)
+    assert deliberator.busy
+    assert moving(robot.run(0.2))
+    return robot
+
+
+@pytest.fixture(params=[False, True], ids=["nothing asked", "a search runs"])
+def driving(request: pytest.FixtureRequest) -> Robot:
+    robot = searching_on_a_leg() if request.param else Robot().started()
+    robot.run(0.035)  # between two reports
+    return robot
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_something_near_stops_the_robot_in_the_step_that_its_message_makes_due(driving: Robot) -> None:
+    driving.others.publish(RANGES, Ranges(driving.now_s, SOMETHING_AHEAD, (0.0,) * SONAR_COUNT))
+    assert driving.run_until(stops, 0.1) <= STEP_GAP_S
+
+
+def test_a_permit_that_is_lost_stops_the_robot_in_the_step_that_its_message_makes_due(driving: Robot) -> None:
+    driving.others.publish(PERMIT, Permit(driving.now_s, False, "a module is missing"))
+    assert driving.run_until(stops, 0.1) <= STEP_GAP_S
+
+
+@pytest.mark.parametrize(("what", "topic"), [("pose", POSE), ("ranges", RANGES)])
+def test_an_input_that_stays_away_stops_the_robot_when_it_expires(what: str, topic: Topic[Any], driving: Robot) -> None:
+    expires_in_s = ALIVE_PERIODS / topic.rate_hz - driving.bus.age_s(topic)
+    lose(driving, what)
+    assert expires_in_s <= driving.run_until(stops, 1.0) <= expires_in_s + STEP_GAP_S + TICK_S
+
+
+def test_a_pause_stands_in_the_step_that_its_message_makes_due(driving: Robot) -> None:
+    driving.ask(Operation.PAUSE)
+    assert driving.run_until(stops, 0.1) <= STEP_GAP_S
+
+
+def test_status_and_commands_keep_their_rates_while_a_search_runs() -> None:
+    robot = searching_on_a_leg()
+    robot.others.take(STATUS["planner"])
+    commands = robot.run(3.0)
+    assert len(robot.others.take(STATUS["planner"])) == pytest.approx(30, abs=2)
+    assert np.diff([c.t_s for c in commands]).max() <= 0.105
+
+
+def test_what_comes_together_is_taken_together_and_nothing_else_makes_a_step() -> None:
+    robot = Robot().started()
+    robot.steps_s.clear()
+    robot.run(10.0)
+    assert 100 <= len(robot.steps_s) <= 150, "ten reports a second, a grid and its answer each second"
+
+
+def test_who_waits_for_a_path_stands_and_sets_out_when_it_comes() -> None:
+    deliberator = Held()
+    robot = Robot(deliberator)
+    robot.run(0.5)
+    deliberator.held = True
+    robot.ask(Operation.GOTO, 5.0, 2.0)
+    assert not moving(robot.run(5.0))
+    deliberator.held = False
+    assert moving(robot.run(0.2))
+
+
+def test_a_deliberation_that_is_lost_costs_a_stand_until_the_next_grid() -> None:
+    class Dying(Held):
+        def result(self, now_s: float) -> JobOutcome[Any] | None:
+            outcome = super().result(now_s)
+            if outcome is None or not self.dies:
+                return outcome
+            self.dies, self._work = False, None  # the next one has no grid
+            return JobOutcome(None, WorkLost("deliberation ended"))
+
+        dies = False
+
+    deliberator = Dying()
+    robot = Robot(deliberator)
+    robot.run(0.5)
+    robot.ask(Operation.GOTO, 5.0, 2.0)
+    deliberator.dies = True
+    assert moving(robot.run(3.0)[-5:])
+    assert not deliberator.dies
+
+
+def test_of_grids_that_come_while_one_is_read_the_newest_is_read_next() -> None:
+    deliberator = Held()
+    robot = Robot(deliberator).started()
+    deliberator.held = True
+    robot.run(3.0)
+    assert deliberator.pending == 1
+    robot.grid = update_of(hall(length_m=3.0))
+    robot.run(1.5)
+    robot.grid = None
+    deliberator.held = False
+    robot.run(1.0)
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert view.area_m2 == pytest.approx(6.0, rel=0.1)
+
+
+def test_no_step_takes_long_on_a_large_floor() -> None:
+    """Halls of 60 by 60 m with frontier everywhere; the searches are not part of the steps."""
+    deliberator = Held()
+    robot = Robot(deliberator)
+    free = [(1.0, y_m, 59.0, y_m + 2.0) for y_m in np.arange(1.0, 58.0, 4.0).tolist()]
+    free += [(x_m, 1.0, x_m + 2.0, 59.0) for x_m in np.arange(1.0, 58.0, 8.0).tolist()]
+    robot.grid = update_of(drawn(free, size_m=(60.0, 60.0)))
+    robot.planner = Planner(deliberator, images_walls=True)
+    longest_s = 0.0
+    robot.ask(Operation.START)
+    for tick in range(4_000):
+        robot.mesh.now_s = tick * 0.01
+        if tick % 10 == 0:
+            assert robot.pose is not None
+            robot.pose = replace(robot.pose, x_m=2.0 + tick / 1000)
+            robot._ticks = 1 if tick % 100 == 0 else 2
+            robot._report()
+        deliberator.work()
+        began_s = time.thread_time()
+        robot.planner.step(robot.bus, robot.now_s)
+        longest_s = max(longest_s, time.thread_time() - began_s)
+    assert longest_s < 0.03

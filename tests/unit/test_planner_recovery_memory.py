@@ -7,7 +7,14 @@ import pytest
 
 from common.geometry import Pose2
 from common.grid_cells import FREE
-from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S, STAGNANT_S, Obstacles, Stillness, TriedBranches
+from onboard.planner.exploration.recovery_memory import (
+    BLOCK_FOR_S,
+    STAGNANT_S,
+    Obstacles,
+    Stillness,
+    TriedBranches,
+    blocked_cells,
+)
 from onboard.planner.grid.grid_map import GridMap
 
 GRID = GridMap(np.full((40, 40), FREE, np.uint8), 0.0, 0.0, 0.1)
@@ -18,11 +25,11 @@ def test_an_obstacle_that_is_met_again_is_remembered_longer() -> None:
     obstacles = Obstacles()
     obstacles.add(2.0, 2.0, 0.0)
     obstacles.forget(BLOCK_FOR_S)
-    assert not obstacles.mask(GRID).any()
+    assert not blocked_cells(GRID, obstacles.places).any()
     obstacles.add(2.1, 2.0, 100.0)
     obstacles.forget(100.0 + BLOCK_FOR_S)
-    assert obstacles.mask(GRID)[20, 21]
-    assert not obstacles.mask(GRID)[20, 30]
+    assert blocked_cells(GRID, obstacles.places)[20, 21]
+    assert not blocked_cells(GRID, obstacles.places)[20, 30]
 
 
 def test_only_an_obstacle_that_is_new_may_hide_a_way() -> None:

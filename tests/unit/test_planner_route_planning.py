@@ -10,7 +10,6 @@ import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
 from onboard.planner.grid.grid_map import Cell, GridMap, Mask
-from onboard.planner.grid.sliced_work import at_once
 from onboard.planner.routing.route_planning import (
     TIGHT_CLEARANCE_M,
     TIGHT_PRICE,
@@ -29,7 +28,7 @@ def path(
     blocked: Mask | None = None,
 ) -> list[Cell] | None:
     start, goal = grid.cell(*a), grid.cell(*b)
-    found = at_once(shortest_path(cell_prices(grid, start, blocked), start, {goal}))
+    found = shortest_path(cell_prices(grid, start, blocked), start, {goal})
     return None if found is None else [(row, column) for row, column in found.tolist()]
 
 
@@ -145,7 +144,7 @@ def test_in_the_middle_of_a_hall_a_way_costs_its_length() -> None:
 def test_the_nearest_of_several_goals_is_taken() -> None:
     grid = hall()
     start, goals = grid.cell(5.0, 2.0), {grid.cell(2.0, 2.0), grid.cell(6.0, 2.0)}
-    found = at_once(shortest_path(cell_prices(grid, start), start, goals))
+    found = shortest_path(cell_prices(grid, start), start, goals)
     assert found is not None
     assert tuple(found[-1].tolist()) == grid.cell(6.0, 2.0)
 
@@ -153,7 +152,7 @@ def test_the_nearest_of_several_goals_is_taken() -> None:
 def test_from_outside_of_the_grid_there_is_no_way() -> None:
     grid = hall()
     prices = cell_prices(grid, grid.cell(2.0, 2.0))
-    assert at_once(shortest_path(prices, grid.cell(-3.0, 2.0), {grid.cell(2.0, 2.0)})) is None
+    assert shortest_path(prices, grid.cell(-3.0, 2.0), {grid.cell(2.0, 2.0)}) is None
 
 
 def test_a_robot_outside_of_the_grid_that_it_last_received_gets_the_prices_of_the_rest() -> None:
@@ -170,7 +169,7 @@ def test_string_pulling_leaves_few_legs_and_keeps_the_clearance() -> None:
     grid = two_rooms(1.6)
     cells = path(grid, (2.0, 1.6), (8.0, 1.6))
     assert cells is not None
-    waypoints = at_once(pull_string(grid, np.array(cells)))
+    waypoints = pull_string(grid, np.array(cells))
     assert waypoints[0] == grid.centre(cells[0])
     assert waypoints[-1] == grid.centre(cells[-1])
     assert len(waypoints) <= 8
@@ -183,4 +182,4 @@ def test_string_pulling_leaves_few_legs_and_keeps_the_clearance() -> None:
 def test_a_way_of_one_cell_is_its_own_end() -> None:
     grid = hall()
     cell = grid.cell(4.0, 2.0)
-    assert at_once(pull_string(grid, np.array([cell]))) == [grid.centre(cell)]
+    assert pull_string(grid, np.array([cell])) == [grid.centre(cell)]

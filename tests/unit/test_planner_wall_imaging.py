@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from common.geometry import Pose2, wrap_angle
 from common.grid_cells import WALL
-from onboard.planner.exploration.wall_imaging import WallImaging, beginning, box_sum, wall_normals
+from onboard.planner.exploration.wall_imaging import SeenWalls, WallImaging, beginning, box_sum, wall_normals
+from onboard.planner.exploration.wall_imaging import spots as spots_of
 from onboard.planner.grid.grid_map import GridMap
-from onboard.planner.grid.sliced_work import at_once
 from tests.unit.test_planner_grid_map import drawn, hall
 
 LOWER_M, UPPER_M = 0.95, 3.05  # middles of the two long walls of `hall`
@@ -67,7 +67,7 @@ def test_a_wall_behind_a_wall_is_not_seen() -> None:
 def test_spots_face_along_the_unseen_wall_and_have_it_on_the_right() -> None:
     grid = hall()
     imaging = driven(grid, 1.5, 8.5, 0.0)
-    spots = at_once(imaging.spots(grid, Pose2(5.0, 2.0, 0.0)))
+    spots = spots_of(grid, imaging.imaged, Pose2(5.0, 2.0, 0.0))
     along = {cell: rad for cell, rad in spots.items() if abs(abs(rad) - pi) < radians(20.0)}
     assert len(along) > 40
     for cell in along:
@@ -77,7 +77,7 @@ def test_spots_face_along_the_unseen_wall_and_have_it_on_the_right() -> None:
 
 def test_a_stretch_is_begun_at_its_rear_end() -> None:
     grid = hall()
-    spots = at_once(driven(grid, 1.5, 8.5, 0.0).spots(grid, Pose2(8.5, 2.0, 0.0)))
+    spots = spots_of(grid, driven(grid, 1.5, 8.5, 0.0).imaged, Pose2(8.5, 2.0, 0.0))
     middle = min(spots, key=lambda cell: abs(grid.centre(cell)[0] - 5.0) + abs(abs(spots[cell]) - pi))
     assert grid.centre(beginning(spots, grid, middle))[0] > 8.0
 
@@ -110,6 +110,22 @@ def test_what_was_seen_stays_seen_when_the_grid_grows() -> None:
     imaging = driven(grid, 1.5, 8.5, 0.0)
     grown = GridMap(np.pad(grid.cells, 25), grid.origin_x_m - 2.5, grid.origin_y_m - 2.5, grid.cell_m)
     assert unseen_along(imaging, grown, LOWER_M) == []
+
+
+def test_seen_cells_are_found_again_on_any_part_of_the_map() -> None:
+    whole = drawn([], size_m=(60.0, 40.0), origin_m=(-30.0, -20.0))
+    chance, seen, expected = np.random.default_rng(4), SeenWalls(), np.zeros(whole.cells.shape, dtype=bool)
+    for _ in range(30):
+        r, c = (int(chance.integers(0, side - 50)) for side in whole.cells.shape)
+        part = whole.part((slice(r, r + 50), slice(c, c + 50)))
+        cells = chance.integers(0, 50, (5, 2))
+        seen.add(part, cells)
+        expected[tuple((cells + [r, c]).T)] = True
+        assert (seen.on(whole) == expected).all()
+        assert (seen.on(part) == expected[r : r + 50, c : c + 50]).all()
+    kept = seen.copy()
+    seen.add(whole, np.array([[0, 0]]))
+    assert (kept.on(whole) == expected).all()
 
 
 @given(st.floats(0.0, pi, exclude_max=True))

@@ -12,7 +12,7 @@ import pytest
 
 from common import side_process
 from common.side_process import ProcessWorker
-from common.side_work import DeferredWorker, Outcome, SideWorker, ThreadWorker, WorkLost
+from common.side_work import DeferredWorker, JobOutcome, SideWorker, ThreadWorker, WorkLost
 from tests.unit.side_jobs import counting
 
 DEADLINE_S = 20.0
@@ -39,7 +39,7 @@ def worker(request: pytest.FixtureRequest) -> Iterator[SideWorker[str, Counted]]
     made.close()
 
 
-def result_of(worker: SideWorker[Any, Any]) -> Outcome[Any]:
+def result_of(worker: SideWorker[Any, Any]) -> JobOutcome[Any]:
     end_s = time.monotonic() + DEADLINE_S
     while time.monotonic() < end_s:
         outcome = worker.result(0.0)
@@ -202,10 +202,10 @@ def test_a_deferred_result_comes_after_a_fixed_time_whenever_the_work_is_done() 
             worker.work()
         assert worker.due_s(10.0) == 10.4
         assert worker.result(10.3) is None
-        assert worker.result(10.4) == Outcome(("a", 1))
+        assert worker.result(10.4) == JobOutcome(("a", 1))
         assert worker.due_s(10.4) == pytest.approx(10.6)
         assert worker.result(10.5) is None
-        assert worker.result(10.7) == Outcome(("b", 2))
+        assert worker.result(10.7) == JobOutcome(("b", 2))
 
 
 def test_deferred_work_is_loaded_for_the_first_job() -> None:
@@ -213,5 +213,5 @@ def test_deferred_work_is_loaded_for_the_first_job() -> None:
     worker: DeferredWorker[int, int] = DeferredWorker(lambda: loaded.append(1) or (lambda job: job))  # type: ignore[func-returns-value]
     assert not loaded
     worker.begin(3, 0.0)
-    assert worker.result(0.0) == Outcome(3)
+    assert worker.result(0.0) == JobOutcome(3)
     assert loaded

@@ -96,7 +96,7 @@ class Mission:
         """There will be no answer. What it was for begins anew in the next step."""
         self._deliberation = self._question = None
 
-    def question_about(self, revision: int, update: GridUpdate, pose: Pose2) -> JudgeGrid:
+    def question_about(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
         """What is to be known of a new grid before a step may have it."""
         return self._frontiers.question(revision, pose, update)
 
