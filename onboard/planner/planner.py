@@ -53,8 +53,8 @@ from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, w
 from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
 from onboard.planner.driving.poi_override import Override, after, speed
 from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
-from onboard.planner.exploration.questions import JudgedGrid
-from onboard.planner.grid.deliberation import BESIDE, Deliberator, Question
+from onboard.planner.exploration.queries import JudgedGrid
+from onboard.planner.grid.deliberation import BESIDE, Deliberator, Query
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.grid_reading import GridError
 from onboard.planner.grid.view import Motion, View
@@ -78,12 +78,12 @@ class Planner:
     wakes_on: tuple[Topic[Any], ...] = (POSE, RANGES, DISTANCES, CARRIER, PERMIT, OPERATION, RETAKE)
 
     def __init__(self, deliberator: Deliberator, images_walls: bool = False, boot: int = 0) -> None:
-        """`deliberator` answers questions. `images_walls`: there is a camera, and every wall shall have been on its
+        """`deliberator` answers queries. `images_walls`: there is a camera, and every wall shall have been on its
         right. `boot`, of BOOT_BITS: another number after each restart, which distinguishes its drive commands from the
         earlier ones."""
         self._boot = boot
         self._deliberator = deliberator
-        self._asked: deque[Question] = deque()  # in the order of their answers
+        self._queried: deque[Query] = deque()  # in the order of their answers
         self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
         self._collision = CollisionMonitor()
@@ -93,7 +93,7 @@ class Planner:
         self._grid_update: GridUpdate | None = None  # the newest, to be read next
         self._next_grid: JudgedGrid | None = None  # was read
         self._grid: GridMap | None = None
-        self._grid_revision = self._revision_asked = 0
+        self._grid_revision = self._revision_queried = 0
         self._points = WallPointMap()
         self._wanted = Motion(Speed.STOP, 0.0)
         self._pose_seen: PoseEstimate | None = None
@@ -134,7 +134,7 @@ class Planner:
                 error = ErrorCode.BLOCKED
         for note in self._mission.take_notes():
             _log.info("%s", note)
-        self._ask(self._mission.take_question(), now_s)
+        self._put(self._mission.take_query(), now_s)
         self._report(bus, now_s, error)
         return self._due_s(bus, now_s)
 
@@ -150,18 +150,18 @@ class Planner:
         if newest is None or pose is None or self._deliberator.busy or self._mission.deliberates:
             return  # one at a time; and a deliberation keeps its grid
         self._grid_update = None
-        self._revision_asked += 1
+        self._revision_queried += 1
         here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-        self._ask(self._mission.question_about(self._revision_asked, here, newest), now_s)
+        self._put(self._mission.query_about(self._revision_queried, here, newest), now_s)
 
-    def _ask(self, question: Question | None, now_s: float) -> None:
-        if question is not None:
-            self._asked.append(question)
-            self._deliberator.begin(question, now_s)
+    def _put(self, query: Query | None, now_s: float) -> None:
+        if query is not None:
+            self._queried.append(query)
+            self._deliberator.begin(query, now_s)
 
     def _take_answers(self, now_s: float) -> None:
         while (outcome := self._deliberator.result(now_s)) is not None:
-            question, answer = self._asked.popleft(), outcome.value
+            query, answer = self._queried.popleft(), outcome.value
             if outcome.error is not None:
                 self._begin_deliberating_anew(outcome.error)
             elif isinstance(answer, GridError):
@@ -169,7 +169,7 @@ class Planner:
             elif isinstance(answer, JudgedGrid) and answer.grid is not None:
                 self._next_grid = answer
             else:
-                self._mission.receive(question, answer)
+                self._mission.receive(query, answer)
                 self._pose_seen = None  # the mission goes on at once
         judged = self._next_grid
         if judged is not None and not self._mission.deliberates:
@@ -284,7 +284,7 @@ class Planner:
         """When there is something to do though nothing arrives."""
         return min(
             self._status.latest_s,
-            self._command_pace.due_s,
+            self._command_pace.due_s if self._commanded is not None else math.inf,
             self._deliberator.due_s(now_s),
             collision_monitor.due_s(self._collision),
             *(expires_s(bus, topic, now_s) for topic in (POSE, RANGES, DISTANCES)),
@@ -332,5 +332,5 @@ def _median(values: deque[float]) -> float:
 
 def make_planner(config: Config, _: argparse.Namespace) -> Planner:
     """The node of the process."""
-    deliberator = ProcessWorker[Question, Any]("deliberation", BESIDE)
+    deliberator = ProcessWorker[Query, Any]("deliberation", BESIDE)
     return Planner(deliberator, config.has_camera, secrets.randbits(BOOT_BITS))

@@ -10,10 +10,10 @@ import pytest
 from common.geometry import Pose2, wrap_angle
 from common.messages import MapUpdate, Outcome, Speed
 from common.wall_points import WallPointMap
-from onboard.planner.exploration.questions import JudgedGrid
+from onboard.planner.exploration.queries import JudgedGrid
 from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S
 from onboard.planner.exploration.wall_imaging import WallImaging
-from onboard.planner.grid.deliberation import Grids, Question
+from onboard.planner.grid.deliberation import Grids, Query
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.mission import NO_PATH_PATIENCE_S, Mission
@@ -42,7 +42,7 @@ class Drive:
         self.revision = 0
         self.walls = WallPointMap()
         self.answers_every = 1  # steps
-        self._question: Question | None = None
+        self._query: Query | None = None
         self._grids = Grids()
         self._steps = 0
 
@@ -54,11 +54,11 @@ class Drive:
         if int(self.now_s) != self.revision and not self.mission.deliberates:
             self._new_grid(int(self.now_s))
         self._steps += 1
-        if self._question is not None and self._steps % self.answers_every == 0:
-            question, self._question = self._question, None
-            self.mission.receive(question, question.answer(self._grids))
+        if self._query is not None and self._steps % self.answers_every == 0:
+            query, self._query = self._query, None
+            self.mission.receive(query, query.answer(self._grids))
         motion = self.mission.step(self.view())
-        self._question = self.mission.take_question() or self._question
+        self._query = self.mission.take_query() or self._query
         off_rad = wrap_angle(motion.heading_rad - self.pose.heading_rad)
         turn_rad = max(-TURN_RAD_S * PERIOD_S, min(TURN_RAD_S * PERIOD_S, off_rad))
         step_m = 0.0 if abs(off_rad) > radians(15.0) else SPEEDS[motion.speed] * PERIOD_S
@@ -71,7 +71,7 @@ class Drive:
     def _new_grid(self, revision: int) -> None:
         self.revision = revision
         self._grids.put(revision, self.grid)
-        judged = self.mission.question_about(revision, self.pose).answer(self._grids)
+        judged = self.mission.query_about(revision, self.pose).answer(self._grids)
         assert isinstance(judged, JudgedGrid)
         self.mission.take_in(judged)
 

@@ -48,7 +48,7 @@ from common.node import STEP_GAP_S, Agenda
 from common.side_work import LOOK_S, DeferredWorker, JobOutcome, WorkLost
 from onboard.planner.driving.net_rotation_balancing import AHEAD_RAD
 from onboard.planner.driving.zero_velocity_update import REST_EVERY_S, REST_S
-from onboard.planner.grid.deliberation import Deliberator, Question, deferred_deliberator, load
+from onboard.planner.grid.deliberation import Deliberator, Query, deferred_deliberator, load
 from onboard.planner.planner import Planner
 from tests.unit.test_planner_grid_map import drawn, hall, update_of
 
@@ -524,7 +524,7 @@ def test_a_pose_from_a_far_time_does_not_end_the_steering() -> None:
 # Reaction times, by events
 
 
-class Held(DeferredWorker[Question, Any]):
+class Held(DeferredWorker[Query, Any]):
     """Answers nothing while it is `held`, as if a search took so long."""
 
     held = False
@@ -544,7 +544,7 @@ def stops(command: DriveCommand) -> bool:
 
 
 def searching_on_a_leg() -> Robot:
-    """It drives, and a question of its has no answer."""
+    """It drives, and a query of its has no answer."""
     deliberator = Held()
     robot = Robot(deliberator).started()
     deliberator.held = True

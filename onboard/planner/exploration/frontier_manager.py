@@ -1,6 +1,6 @@
 """What the newest grid offers, with all obstacles that were met left out: the list of side halls, and the paths there.
 
-A judged grid in; frontier, list, straight paths and the questions for more out. What was visited, put off or met is
+A judged grid in; frontier, list, straight paths and the queries for more out. What was visited, put off or met is
 remembered here.
 """
 
@@ -15,7 +15,7 @@ from common.geometry import Pose2
 from common.messages import GridUpdate
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, FrontierMemory
-from onboard.planner.exploration.questions import FindPath, JudgedGrid, JudgeGrid
+from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid
 from onboard.planner.exploration.recovery_memory import Obstacles
 from onboard.planner.grid.deliberation import Deliberation
 from onboard.planner.grid.grid_map import Cell
@@ -37,7 +37,7 @@ class FrontierManager:
         self._changes = self._judged_changes = 0  # of what is left out: all, and those that the list has
         self._empty_lists = 0
 
-    def question(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
+    def query(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
         """About a grid, with all that is to be left out now."""
         return JudgeGrid(revision, pose, self._memory.left_out, self._obstacles.places, self._changes, update)
 
@@ -48,7 +48,7 @@ class FrontierManager:
     def judged(self, view: View) -> Deliberation[None]:
         """Has the grid judged once more where something is to be left out since."""
         if self._judged_changes != self._changes:
-            self.take_in((yield self.question(view.grid_revision, view.pose)))
+            self.take_in((yield self.query(view.grid_revision, view.pose)))
 
     def forget(self, now_s: float) -> None:
         """Obstacles whose time is over."""

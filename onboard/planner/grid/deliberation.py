@@ -1,7 +1,7 @@
-"""Whatever takes longer than a step may is a question, and answered beside the steps (`common.side_work`).
+"""Whatever takes longer than a step may is a query, and answered beside the steps (`common.side_work`).
 
-Here is what both sides share: the form of a question, and the grids that it is answered on, which stay beside the
-steps. A question names its grid by revision: a step that deliberates has one grid from the beginning to the end.
+Here is what both sides share: the form of a query, and the grids that it is answered on, which stay beside the
+steps. A query names its grid by revision: a step that deliberates has one grid from the beginning to the end.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ class Grids:
         return self._grids[revision]
 
 
-class Question(Protocol):
+class Query(Protocol):
     """A value that both sides know; it holds all that its answer depends on but the grid."""
 
     def answer(self, grids: Grids) -> Any:
         """However long it takes."""
 
 
-Deliberation = Generator[Question, Any, T]  # yields questions, is sent their answers
-Deliberator = SideWorker[Question, Any]
+Deliberation = Generator[Query, Any, T]  # yields queries, is sent their answers
+Deliberator = SideWorker[Query, Any]
 
 
-def load() -> Work[Question, Any]:
-    """What answers questions, without any grid yet."""
+def load() -> Work[Query, Any]:
+    """What answers queries, without any grid yet."""
     grids = Grids()
-    return lambda question: question.answer(grids)
+    return lambda query: query.answer(grids)
 
 
-def deferred_deliberator(latency_s: float = LATENCY_S) -> DeferredWorker[Question, Any]:
+def deferred_deliberator(latency_s: float = LATENCY_S) -> DeferredWorker[Query, Any]:
     """In this very thread, for lockstep."""
     return DeferredWorker(load, latency_s)

@@ -16,7 +16,7 @@ from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup
 from onboard.planner.exploration.junction import Junction
-from onboard.planner.exploration.questions import FindSpots
+from onboard.planner.exploration.queries import FindSpots
 from onboard.planner.exploration.right_hand_rule import Turn
 from onboard.planner.exploration.wall_imaging import WallImaging, beginning
 from onboard.planner.grid.deliberation import Deliberation

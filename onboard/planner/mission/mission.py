@@ -2,7 +2,7 @@
 
 Its `step` takes pose, grid, wall points and distances ten times a second and returns the motion that it wants. What was
 seen and chosen becomes an event; `table` alone decides which mode follows. What takes longer than a step, a path for
-example, is a question: it goes out by `take_question`, its answer comes by `receive`, and until then the robot stands,
+example, is a query: it goes out by `take_query`, its answer comes by `receive`, and until then the robot stands,
 or goes on with its leg.
 """
 
@@ -19,10 +19,10 @@ from onboard.planner.driving.looking import HEADING_REACHED_RAD, TURN_TIMEOUT_S,
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup, as_set
-from onboard.planner.exploration.questions import JudgedGrid, JudgeGrid
+from onboard.planner.exploration.queries import JudgedGrid, JudgeGrid
 from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
 from onboard.planner.exploration.wall_imaging import WallImaging
-from onboard.planner.grid.deliberation import Deliberation, Question
+from onboard.planner.grid.deliberation import Deliberation, Query
 from onboard.planner.grid.grid_map import Cell
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.goal_choice import Goal, GoalChoice
@@ -61,8 +61,8 @@ class Mission:
         self._no_path_since_s: float | None = None
         self._align_until_s = 0.0
         self._deliberation: Deliberation[None] | None = None  # a choice or a path that waits for an answer
-        self._question: Question | None = None  # that it waits for
-        self._asked = False
+        self._query: Query | None = None  # that it waits for
+        self._queried = False
         self._notes: list[str] = []
         self._noted = self.state  # as of the newest note
 
@@ -81,24 +81,24 @@ class Mission:
         """A choice or a path waits for an answer; it needs the grid that it began with."""
         return self._deliberation is not None
 
-    def take_question(self) -> Question | None:
+    def take_query(self) -> Query | None:
         """What it must know to go on, once; its answer goes to `receive`."""
-        question = None if self._asked else self._question
-        self._asked = True
-        return question
+        query = None if self._queried else self._query
+        self._queried = True
+        return query
 
-    def receive(self, question: Question, answer: Any) -> None:
-        """The answer to a question that was taken; one that nobody waits for any more is dropped."""
-        if question is self._question:
+    def receive(self, query: Query, answer: Any) -> None:
+        """The answer to a query that was taken; one that nobody waits for any more is dropped."""
+        if query is self._query:
             self._go_on(answer)
 
     def abandon(self) -> None:
         """There will be no answer. What it was for begins anew in the next step."""
-        self._deliberation = self._question = None
+        self._deliberation = self._query = None
 
-    def question_about(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
+    def query_about(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
         """What is to be known of a new grid before a step may have it."""
-        return self._frontiers.question(revision, pose, update)
+        return self._frontiers.query(revision, pose, update)
 
     def take_in(self, judged: JudgedGrid) -> None:
         """The answer to that."""
@@ -228,7 +228,7 @@ class Mission:
         work = self._deliberation
         assert work is not None
         try:
-            self._question, self._asked = work.send(answer), False
+            self._query, self._queried = work.send(answer), False
         except StopIteration:
             if self._deliberation is work:
                 self.abandon()

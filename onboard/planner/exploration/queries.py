@@ -19,9 +19,9 @@ from onboard.planner.routing.route_planning import cheapest_path
 
 @dataclass(frozen=True, slots=True)
 class JudgedGrid:
-    """What a grid offers to a robot that leaves out what its question left out. `changes` is the question's.
+    """What a grid offers to a robot that leaves out what its query left out. `changes` is the query's.
 
-    `grid` is None where the question was about one that its sender has.
+    `grid` is None where the query was about one that its sender has.
     """
 
     revision: int
