@@ -15,6 +15,7 @@ from common.clock import Clock
 from common.messages import LOG
 from common.node import Agenda, FileNode, Node
 from common.process_log import BusLogHandler
+from common.service_notify import ServiceNotifier
 from common.zenoh_bus import ZenohBus
 from common.zenoh_log import ZenohOutput
 
@@ -53,11 +54,17 @@ class NodeLoop:
     """Steps one node when its agenda says so, until `stop` is set. One thread runs it."""
 
     def __init__(
-        self, node: Node, bus: ZenohBus, clock: Clock, bus_log: BusLogHandler, zenoh_output: ZenohOutput | None
+        self,
+        node: Node,
+        bus: ZenohBus,
+        clock: Clock,
+        bus_log: BusLogHandler,
+        zenoh_output: ZenohOutput | None,
+        notifier: ServiceNotifier | None = None,
     ) -> None:
-        """`zenoh_output` is logged after every step, where it is given."""
+        """`zenoh_output` is logged after every step, where it is given; `notifier` learns of every step."""
         self.node, self.bus = node, bus
-        self._clock, self._bus_log, self._zenoh_output = clock, bus_log, zenoh_output
+        self._clock, self._bus_log, self._zenoh_output, self._notifier = clock, bus_log, zenoh_output, notifier
         self._steps = StepTimer()
         self._log = logging.getLogger(node.name)
 
@@ -79,6 +86,8 @@ class NodeLoop:
             if self._zenoh_output is not None:
                 self._zenoh_output.report(now_s)
             self._publish_log(now_s)
+            if self._notifier is not None:
+                self._notifier.stepped(self.node.name)
 
     def close(self, folder: Path | None) -> None:
         """Closes the node, leaves the figures of its steps in `folder`, and leaves the mesh."""

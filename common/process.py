@@ -19,6 +19,7 @@ from pathlib import Path
 
 import zenoh
 
+from common import service_notify
 from common.bus import Bus
 from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
 from common.config import Config, load_config
@@ -91,6 +92,7 @@ class _Process:
         self._stop = threading.Event()
         self._end: ZenohEnd | None = None
         self._loops: list[NodeLoop] = []
+        self._notifier = service_notify.from_environment(factories)
 
     def run(self, foreground: Foreground | None) -> int:
         if self._arguments.parent is not None:
@@ -105,6 +107,8 @@ class _Process:
             bus_log = set_up_log(self._name, tuple(self._factories), folder, to_terminal=foreground is None)
             self._open(bus_log, zenoh_to_log=foreground is None)
             log.info("started pid=%d config=%s", os.getpid(), self._arguments.config)
+            if self._notifier is not None:
+                self._notifier.ready()
             code = self._step_all(foreground)
             log.info("ended")
         except Exception as error:
@@ -114,6 +118,8 @@ class _Process:
             if code == 1 or folder is not None:
                 log.error("cannot go on", exc_info=error)
         finally:
+            if self._notifier is not None:
+                self._notifier.stopping()
             try:
                 for loop in self._loops:
                     loop.close(folder)
@@ -140,7 +146,8 @@ class _Process:
             bus = ZenohBus(node.name, config, clock, self._mode, self._end)
             _join_clock(clock, bus, node.name)
             # One of them logs for all what Zenoh writes
-            self._loops.append(NodeLoop(node, bus, clock, bus_log, None if self._loops else zenoh_output))
+            of_zenoh = None if self._loops else zenoh_output
+            self._loops.append(NodeLoop(node, bus, clock, bus_log, of_zenoh, self._notifier))
 
     def _step_all(self, foreground: Foreground | None) -> int:
         """The loops, each in a thread of its own where there is more than one thing to run; the foreground here."""

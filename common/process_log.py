@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import logging.handlers
+import os
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -42,20 +43,13 @@ class BusLogHandler(logging.Handler):
             bus.publish(LOG[module], LogLine(now_s, level, text))
 
 
-class FileLogHandler(logging.handlers.QueueHandler):
-    """Lines into `name`.log in `folder`, from a thread of its own; closing waits for the last one.
+class QueuedLogHandler(logging.handlers.QueueHandler):
+    """Lines to a handler that may be slow, from a thread of its own; closing waits for the last one."""
 
-    Raises OSError when the file cannot be opened.
-    """
-
-    def __init__(self, folder: Path, name: str) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+    def __init__(self, target: logging.Handler) -> None:
         lines: SimpleQueue[logging.LogRecord] = SimpleQueue()
-        file = logging.handlers.RotatingFileHandler(
-            folder / f"{name}.log", maxBytes=_FILE_BYTES, backupCount=_FILES_KEPT
-        )
         super().__init__(lines)
-        self._writer: logging.handlers.QueueListener | None = logging.handlers.QueueListener(lines, file)
+        self._writer: logging.handlers.QueueListener | None = logging.handlers.QueueListener(lines, target)
         self._writer.start()
 
     def close(self) -> None:
@@ -66,14 +60,33 @@ class FileLogHandler(logging.handlers.QueueHandler):
 
 
 def set_up_log(name: str, modules: Sequence[str], folder: Path | None, *, to_terminal: bool) -> BusLogHandler:
-    """Everything from INFO on into the file (or to stderr without a folder) and to the bus; raises OSError."""
+    """Everything from INFO on into the file and to the bus; to stderr without a folder, and where systemd's journal
+    takes it from there. Raises OSError.
+    """
     handler: logging.Handler = logging.StreamHandler() if to_terminal else logging.NullHandler()
-    if folder is not None:
-        handler = FileLogHandler(folder, name)
+    if _stderr_is_journal():
+        handler = QueuedLogHandler(handler)
+    elif folder is not None:
+        handler = QueuedLogHandler(_file(folder, name))
     handler.setFormatter(_MonotonicFormatter("%(monotonic)s %(levelname)s %(name)s %(message)s"))
     bus_log = BusLogHandler(modules)
     logging.basicConfig(level=logging.INFO, handlers=[handler, bus_log], force=True)
     return bus_log
+
+
+def _file(folder: Path, name: str) -> logging.Handler:
+    """`name`.log in `folder`; raises OSError when it cannot be opened."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return logging.handlers.RotatingFileHandler(folder / f"{name}.log", maxBytes=_FILE_BYTES, backupCount=_FILES_KEPT)
+
+
+def _stderr_is_journal() -> bool:
+    """systemd names the journal's stream to what it starts; what that starts may write elsewhere (systemd.exec(5))."""
+    try:
+        stream = os.fstat(2)
+    except OSError:
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{stream.st_dev}:{stream.st_ino}"
 
 
 class _MonotonicFormatter(logging.Formatter):

@@ -86,7 +86,7 @@ def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ..
 ROOMS = {
     "onboard/mmu": (".", "back_end", "front_end", "map", "on_demand"),
     "onboard/planner": (".", "mission", "driving", "exploration", "routing", "grid"),
-    "deploy": (".", "verbs", "bench", "service", "local", "boards"),
+    "deploy": (".", "verbs", "bench", "service", "boards", "local"),
     "onboard/poi": (".", "doors", "signs", "placement", "camera"),
     "offboard/simulator": (
         *(".", "run", "camera", "physics", "sensors", "electronics", "building"),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import logging.handlers
+import os
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from common.process_log import FileLogHandler, set_up_log
+from common.process_log import QueuedLogHandler, set_up_log
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +27,7 @@ def root_logger() -> Iterator[None]:
 
 def closed_file(folder: Path) -> list[str]:
     for handler in logging.root.handlers:
-        if isinstance(handler, FileLogHandler):
+        if isinstance(handler, QueuedLogHandler):
             handler.close()
     return (folder / "planner.log").read_text(encoding="utf-8").splitlines()
 
@@ -66,3 +67,18 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match="file"):
         set_up_log("planner", ("planner",), tmp_path / "file" / "logs", to_terminal=False)
+
+
+def test_the_journal_takes_the_place_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = os.fstat(2)
+    monkeypatch.setenv("JOURNAL_STREAM", f"{stream.st_dev}:{stream.st_ino}")
+    set_up_log("planner", ("planner",), tmp_path, to_terminal=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_is_written_where_stderr_is_another_than_the_journal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("JOURNAL_STREAM", "1:2")
+    set_up_log("planner", ("planner",), tmp_path, to_terminal=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["planner.log"]
