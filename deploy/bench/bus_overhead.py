@@ -29,6 +29,7 @@ from common.messages import POSE, PoseEstimate
 from common.zenoh_bus import ZenohBus
 from common.zenoh_session import lease_s, main_channel, open_session
 from deploy.bench.machine import percentiles
+from deploy.bench.order import Order
 from deploy.local.ports import reserve_port
 
 LATENCY_PERIOD_S = 0.005
@@ -221,8 +222,8 @@ def measure(rounds: int) -> dict[str, Figures]:
     return figures
 
 
-def bench(quick: bool) -> None:
-    figures = measure(ROUNDS_QUICK if quick else ROUNDS)
+def bench(order: Order) -> None:
+    figures = measure(ROUNDS_QUICK if order.quick else ROUNDS)
     for kind, found in figures.items():
         sending_us, receiving_us = 1e6 * np.median(found.sending_s), 1e6 * np.median(found.receiving_s)
         print(f"{kind}: latency of {len(found.latencies_s)} messages {percentiles(found.latencies_s, 'us')}")

@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 from common.messages import Speed
+from deploy.bench.order import Order
 from deploy.boards.board_link import BoardLink
 from offboard.simulator.building.floor import load_floor
 from offboard.simulator.electronics.avr_board import AvrBoard, build_avr_firmware
@@ -31,7 +32,7 @@ class CountingBoard(AvrBoard):
         return data
 
 
-def bench(_: bool) -> None:
+def bench(_: Order) -> None:
     """Prints the figures; a short run is enough."""
     board = CountingBoard()
     profile = PROFILES["realistic"]

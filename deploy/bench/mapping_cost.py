@@ -32,6 +32,7 @@ from common.messages import ODOMETRY, RANGES, Odometry, Ranges, Topic
 from common.side_process import ProcessWorker
 from common.zenoh_bus import ZenohBus
 from deploy.bench.mapping_course import Course
+from deploy.bench.order import Order
 from deploy.local.ports import reserve_port
 from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.mmu import BACK_END, MappingUnit
@@ -167,9 +168,9 @@ def instructions_per_step() -> float | None:
     return (totals[1] - totals[0]) / (COUNTED_REPORTS[1] - COUNTED_REPORTS[0])
 
 
-def bench(quick: bool = False) -> None:
+def bench(order: Order) -> None:
     """Prints the figures: memory and time on the way, then instructions and what they mean for a BeagleBone."""
-    marks = QUICK_MARKS_M if quick else MARKS_M
+    marks = QUICK_MARKS_M if order.quick else MARKS_M
     _run(_own_command("--drive", ",".join(f"{mark:g}" for mark in marks)))
     count = instructions_per_step()
     if count is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import defaultdict
 from collections.abc import Iterable
 from contextlib import suppress
@@ -17,7 +18,7 @@ class ThreadCost:
 
     name: str
     cpu_s: float
-    wakeups: int  # switches to it: after a sleep, or after somebody else had its core
+    wakeups: int  # it went to sleep so often, and was woken
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +67,23 @@ def threads(pids: Iterable[int]) -> dict[int, ThreadCost]:
         with suppress(OSError):
             for task in (_PROC / str(pid) / "task").iterdir():
                 with suppress(OSError):
-                    run_ns, _, runs = (task / "schedstat").read_text(encoding="ascii").split()
-                    name = (task / "comm").read_text(encoding="utf-8", errors="replace").strip()
-                    found[int(task.name)] = ThreadCost(name, int(run_ns) / 1e9, int(runs))
+                    run_ns = int((task / "schedstat").read_text(encoding="ascii").split()[0])
+                    status = (task / "status").read_text(encoding="utf-8", errors="replace")
+                    found[int(task.name)] = thread_cost(status, run_ns)
     return found
+
+
+def thread_cost(status: str, run_ns: int) -> ThreadCost:
+    """Of the text of /proc/<pid>/task/<tid>/status, and the time that the thread ran."""
+    fields = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
+    return ThreadCost(fields["Name"], run_ns / 1e9, int(fields["voluntary_ctxt_switches"]))
+
+
+def niceness(pid: int) -> int | None:
+    """0 is usual, 19 comes last; None where the process is gone."""
+    with suppress(OSError):
+        return os.getpriority(os.PRIO_PROCESS, pid)
+    return None
 
 
 def between(before: dict[int, ThreadCost], after: dict[int, ThreadCost], elapsed_s: float) -> list[GroupCost]:

@@ -20,6 +20,7 @@ from common.constants import STARTUP_GRACE_S
 from common.messages import PERMIT, POI, POSE, Operation, PointOfInterest
 from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
+from deploy.bench.order import Order
 from deploy.bench.relay import Relay
 from deploy.bench.waiting import BenchFailed, until
 from deploy.local.ports import reserve_port
@@ -170,8 +171,8 @@ def measure(mesh: StopMesh, count: int) -> list[float]:
     return latencies_s
 
 
-def bench(quick: bool) -> None:
-    count = STOPS_QUICK if quick else STOPS
+def bench(order: Order) -> None:
+    count = STOPS_QUICK if order.quick else STOPS
     with tempfile.TemporaryDirectory(prefix="indoor-mapping-") as folder:
         mesh = StopMesh(Path(folder))
         photos: Photos | None = None
