@@ -59,7 +59,7 @@ class OccupancyGrid:
             patches = (points_m[:, None, :] + along[:, None, :] * _PATCH_M[None, :, None]).reshape(-1, 2)
             if not self._make_room(patches):
                 patches = patches[_drawn(patches)]
-            np.add.at(self._hits, self._index(patches), 1)
+            np.add.at(self._hits.ravel(), self._flat(patches[:, 0], patches[:, 1]), 1)
 
     def add_rays(self, starts_m: Points, directions_rad: npt.ArrayLike, free_m: npt.ArrayLike) -> None:
         """Free space along rays: starts (N, 2), directions (N,), how far (N,); infinite where no echo came."""
@@ -81,11 +81,11 @@ class OccupancyGrid:
             start, unit, free = start[drawn], unit[drawn], free[drawn]
         steps = int(free.max(initial=0.0) / _STEP_M) + 1
         reach = _REACHES[:steps]
-        points = start[:, None, :] + unit[:, None, :] * reach[None, :, None]
-        index = self._index(points)
-        seen_wall = np.cumsum(self._hits[index] > 0, axis=1) > 0
-        open_ = (reach[None, :] <= free[:, None]) & ~seen_wall
-        self._passed[index[0][open_], index[1][open_]] = True
+        cell = self._flat(start[:, :1] + unit[:, :1] * reach, start[:, 1:] + unit[:, 1:] * reach)
+        wall = self._hits.ravel()[cell] > 0
+        before_wall = np.where(wall.any(axis=1), wall.argmax(axis=1), steps)  # so many steps
+        open_ = (reach <= free[:, None]) & (np.arange(steps) < before_wall[:, None])
+        self._passed.ravel()[cell[open_]] = True
 
     def add_footprint(self, positions_m: Points) -> None:
         """Where the robot itself stood (N, 2) is free, whatever the sonars measure."""
@@ -93,9 +93,9 @@ class OccupancyGrid:
             part = positions_m[i : i + RAYS_AT_ONCE]
             if not self._make_room(part):
                 part = part[_drawn(part)]
-            index = self._index((part[:, None, :] + _DISC[None, :, :]).reshape(-1, 2))
-            self._passed[index] = True
-            self._hits[index] = 0
+            cell = self._flat(part[:, :1] + _DISC[:, 0], part[:, 1:] + _DISC[:, 1])
+            self._passed.ravel()[cell] = True
+            self._hits.ravel()[cell] = 0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -110,11 +110,14 @@ class OccupancyGrid:
         cells[self._hits[rows] >= HITS_FOR_WALL] = WALL
         return cells
 
-    def _index(self, points_m: Points) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        cell = np.floor((points_m - self._origin) / CELL_M).astype(np.int64)
-        limit = np.array(self._hits.shape)[::-1] - 1
-        cell = np.clip(cell, 0, limit)
-        return cell[..., 1], cell[..., 0]
+    def _flat(self, x_m: FloatArray, y_m: FloatArray) -> npt.NDArray[np.intp]:
+        """Cells of places, of any shape, as indices into the flattened grid; beyond its rim that of the rim."""
+        rows, columns = self._hits.shape
+        # Without `floor`, which differs below zero only: beyond the rim
+        column = ((x_m - self._origin[0]) / CELL_M).astype(np.intp)
+        row = ((y_m - self._origin[1]) / CELL_M).astype(np.intp)
+        flat: npt.NDArray[np.intp] = np.minimum(np.maximum(row, 0), rows - 1) * columns
+        return flat + np.minimum(np.maximum(column, 0), columns - 1)
 
     def _make_room(self, points_m: Points) -> bool:
         """Grow where points (N, 2) need it; false where some lie too far off to be drawn."""
