@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import cos, radians, sin
+from statistics import median
 
 import numpy as np
 
@@ -96,7 +97,7 @@ class WallAheadTrack:
     def _continues(self, pose: Pose2, range_m: float) -> bool:
         if self._turned(pose):
             return False
-        off_m = self._foot_m(self._samples[0][1], pose, range_m) - float(np.median(self._feet_m[-RECENT:]))
+        off_m = self._foot_m(self._samples[0][1], pose, range_m) - median(self._feet_m[-RECENT:])
         return abs(off_m) <= DEPARTS_M + DEPARTS_SHARE * range_m
 
     def _turned(self, pose: Pose2) -> bool:

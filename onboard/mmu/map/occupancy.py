@@ -116,8 +116,9 @@ class OccupancyGrid:
         # Without `floor`, which differs below zero only: beyond the rim
         column = ((x_m - self._origin[0]) / CELL_M).astype(np.intp)
         row = ((y_m - self._origin[1]) / CELL_M).astype(np.intp)
-        flat: npt.NDArray[np.intp] = np.minimum(np.maximum(row, 0), rows - 1) * columns
-        return flat + np.minimum(np.maximum(column, 0), columns - 1)
+        row, column = np.minimum(np.maximum(row, 0), rows - 1), np.minimum(np.maximum(column, 0), columns - 1)
+        flat: npt.NDArray[np.intp] = row * columns + column
+        return flat
 
     def _make_room(self, points_m: Points) -> bool:
         """Grow where points (N, 2) need it; false where some lie too far off to be drawn."""
