@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from math import cos, degrees, hypot, inf, sin
+from math import cos, degrees, hypot, inf, radians, sin
 from pathlib import Path
 from typing import Any
 
@@ -215,3 +215,23 @@ def test_pause_holds_the_robot_and_resume_lets_it_go_on(hall: Path, tell: Tell) 
     assert story.world.truth.distance_m(stopped) < 0.02
     story.say(Operation.RESUME)
     assert story.goes_on()
+
+
+@pytest.mark.requirement("MMU_MR_02")
+def test_pose_follows_a_turn_by_hand_while_the_wheels_stand(hall: Path, tell: Tell, tmp_path: Path) -> None:
+    events = tmp_path / "events.json"
+    events.write_text(json.dumps({"turned": [{"from_s": 15.0, "to_s": 17.0, "angle_deg": 40}]}), encoding="utf-8")
+    story = tell(hall, seed=4, events=events)
+    story.run(12.0)
+    # Else the wheels would steer against it
+    story.robot.operator.publish(STOP, StopRequest(story.now_s, "command_center", latched=True, stop_id=7))
+    story.run(2.5)
+    before, began = story.robot.operator.latest(POSE), story.world.truth
+    story.run(4.0)
+    after, ended = story.robot.operator.latest(POSE), story.world.truth
+    assert before is not None
+    assert after is not None
+    assert wrap_angle(ended.heading_rad - began.heading_rad) == pytest.approx(radians(40.0), abs=radians(1.0))
+    turned_rad = wrap_angle(after.heading_rad - before.heading_rad)
+    assert turned_rad == pytest.approx(radians(40.0), abs=radians(3.0))
+    assert hypot(after.x_m - before.x_m, after.y_m - before.y_m) < 0.05

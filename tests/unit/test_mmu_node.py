@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.bus import LocalMesh
+from common.bus import ALIVE_PERIODS, LocalMesh
 from common.constants import (
     MAP_DENSITY_PER_M,
     MAP_RATE_MAX_HZ,
@@ -35,6 +35,7 @@ from common.messages import (
     Ranges,
     Status,
 )
+from common.node import Agenda
 from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit
 from tests.unit.mmu_scenes import ranges_to, ring
@@ -247,6 +248,59 @@ def test_pose_turns_invalid_when_odometry_stops_and_comes_back() -> None:
     bench.report(0.0, bench.truth[-1])
     assert bench.poses[-1].valid
     assert bench.statuses[-1].ready
+
+
+class Sleeper:
+    """A mapping unit that is stepped when it makes itself due, looked at every millisecond."""
+
+    def __init__(self) -> None:
+        self.bench = Bench()
+        self.bench.bus.wake_on(self.bench.unit.wakes_on)
+        self.agenda, self.steps_s = Agenda(self.bench.unit, 0.0), list[float]()
+
+    def run(self, seconds: float) -> None:
+        bench, agenda = self.bench, self.agenda
+        for _ in range(round(seconds * 1000)):
+            bench.mesh.now_s = now_s = round(bench.now_s + 0.001, 9)
+            if now_s >= agenda.due_s or (bench.bus.woken and now_s >= agenda.earliest_s):
+                bench.bus.woken = False
+                agenda.stepped(now_s, bench.unit.step(bench.bus, now_s))
+                self.steps_s.append(now_s)
+                bench.receive()
+
+    def report(self, seconds: float, period_s: float, seed: int = 1) -> None:
+        """Reports of a robot that stands, some milliseconds early or late."""
+        random = np.random.default_rng(seed)
+        for _ in range(round(seconds / period_s)):
+            odometry = Odometry(self.bench.now_s, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, True, False, False, session=0)
+            self.bench.bus.publish(ODOMETRY, odometry)
+            self.bench.bus.publish(RANGES, Ranges(self.bench.now_s, (1.0,) * 5, (0.0,) * 5))
+            self.run(period_s + float(random.uniform(-0.004, 0.004)))
+
+
+@pytest.mark.parametrize("period_s", [0.099, 0.1, 0.101], ids=["fast", "even", "slow"])
+def test_one_step_for_each_report_does_all_that_is_due(period_s: float) -> None:
+    """However a board's clock and this one's differ."""
+    sleeper, seconds = Sleeper(), 30.0
+    sleeper.report(seconds, period_s)
+    assert len(sleeper.steps_s) < 1.08 * seconds / period_s
+    at_s = np.array([status.t_s for status in sleeper.bench.statuses])
+    assert len(at_s) == pytest.approx(seconds / 0.1, rel=0.02)
+    assert np.diff(at_s).max() < 0.16
+
+
+@pytest.mark.requirement("MMU_MR_02")
+def test_pose_turns_invalid_within_a_hundredth_of_a_second_after_odometry_is_too_old() -> None:
+    sleeper = Sleeper()
+    sleeper.report(2.0, 0.1)
+    stopped_s = sleeper.bench.now_s
+    sleeper.run(1.0)
+    first = next(status for status in sleeper.bench.statuses if status.t_s > stopped_s and not status.ready)
+    age_s = ALIVE_PERIODS / ODOMETRY.rate_hz
+    assert age_s - 0.11 < first.t_s - stopped_s < age_s + 0.011
+    assert not sleeper.bench.poses[-1].valid
+    at_s = np.array([status.t_s for status in sleeper.bench.statuses])
+    assert np.diff(at_s).max() < 0.16, "the status keeps its rate where no odometry comes"
 
 
 def test_unit_waits_for_odometry_and_reports_it() -> None:

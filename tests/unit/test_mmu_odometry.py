@@ -92,6 +92,27 @@ def test_the_gyro_leads_where_the_wheels_slip() -> None:
     assert pose.heading_rad == pytest.approx(radians(80.0), abs=radians(2.0))
 
 
+@pytest.mark.parametrize("before_s", [0.0, 10.0])
+@pytest.mark.parametrize("rest_s", [0.0, 60.0])
+def test_pose_follows_a_turn_by_hand_while_the_wheels_stand(before_s: float, rest_s: float) -> None:
+    driven = drive(before_s, 0.16) or [report(0.0, 0.0, 0.0, 0.0)]
+    resting = standing(driven[-1], rest_s)
+    turned = standing(resting[-1] if resting else driven[-1], 2.0, radians(20.0))
+    place = after([*driven, *resting]).pose
+    pose = after([*driven, *resting, *turned]).pose
+    assert pose.heading_rad - place.heading_rad == pytest.approx(radians(40.0), abs=radians(3.0))
+    assert pose.distance_m(place) < 0.02
+
+
+def standing(last: Odometry, seconds: float, turn_rad_s: float = 0.0) -> list[Odometry]:
+    """Reports of a robot whose wheels stand, and whose gyro shows a turn."""
+    turned = [(k * PERIOD_S, k * PERIOD_S * turn_rad_s) for k in range(1, round(seconds / PERIOD_S) + 1)]
+    return [
+        replace(last, t_s=last.t_s + t_s, yaw_rad=wrap_angle(last.yaw_rad + turn_rad), standing=True)
+        for t_s, turn_rad in turned
+    ]
+
+
 def test_what_the_board_took_from_walls_counts_for_nothing() -> None:
     by_gyro = drive(5.0, 0.16, 0.1)
     aided = [replace(r, yaw_rad=wrap_angle(r.yaw_rad + 0.02 * r.t_s), yaw_by_walls_rad=0.02 * r.t_s) for r in by_gyro]

@@ -21,6 +21,7 @@ from onboard.mmu.front_end.wheel_slip import WheelSlip
 SLIP_SD_PER_SQRT_M = 0.01  # metres of slip per wheel after one metre
 GYRO_DRIFT_SD_RAD_PER_SQRT_S = radians(0.05)  # between two standstills
 GYRO_SD_RAD = radians(0.05)
+HAND_TURN_RAD_S = radians(1.0)  # faster than a gyro at rest drifts: whoever turns so while the wheels stand is turned
 MAX_SPEED_M_S = 1.0  # of a wheel: what goes further between two reports is no motion of this robot
 MAX_STEP_M = 0.1  # on top of that
 MAX_GAP_S = 5.0  # a board that receives no heartbeat stands: it drives no further than it can in so long
@@ -75,8 +76,9 @@ class OdometryFilter:
         dt_s = odometry.t_s - last.t_s
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
-        self._predict(left_m, right_m, dt_s, odometry.standing)
         turned_rad = wrap_angle(gyro_yaw_rad(odometry) - gyro_yaw_rad(last))
+        by_hand = left_m == right_m == 0.0 and abs(turned_rad) > HAND_TURN_RAD_S * dt_s
+        self._predict(left_m, right_m, dt_s, odometry.standing, turned_rad if by_hand else 0.0)
         self._yaw_unwrapped_rad += turned_rad
         self.slip.drive(left_m, right_m, turned_rad)
         self._correct()
@@ -119,7 +121,8 @@ class OdometryFilter:
         x_m, y_m = c * measured.x_m - s * measured.y_m, s * measured.x_m + c * measured.y_m
         self._pose = self._pose.compose(Pose2(x_m, y_m, wrap_angle(measured.heading_rad + added_rad)))
 
-    def _predict(self, left_m: float, right_m: float, dt_s: float, standing: bool) -> None:
+    def _predict(self, left_m: float, right_m: float, dt_s: float, standing: bool, by_hand_rad: float) -> None:
+        """`by_hand_rad`: so far it was turned by hand, of which the wheels know nothing."""
         x = self._filter.x.ravel()
         distance_m, turn_rad = (left_m + right_m) / 2, (right_m - left_m) / self._track_m
         middle_rad = x[2] + turn_rad / 2
@@ -130,7 +133,7 @@ class OdometryFilter:
         slip_variance = SLIP_SD_PER_SQRT_M**2 * (abs(left_m) + abs(right_m)) / 2
         along = np.array([c, s, 0.0, 0.0])
         process = np.outer(along, along) * slip_variance / 2
-        process[2, 2] = 2 * slip_variance / self._track_m**2
+        process[2, 2] = 2 * slip_variance / self._track_m**2 + by_hand_rad**2
         process[3, 3] = 0.0 if standing else GYRO_DRIFT_SD_RAD_PER_SQRT_S**2 * dt_s
         self._filter.P = jacobian @ self._filter.P @ jacobian.T + process
 
