@@ -15,6 +15,15 @@ class Pace:
         self.period_s = period_s
         self.due_s = float("-inf")  # the next time
 
+    @property
+    def latest_s(self) -> float:
+        """When it must be done though no step was made for something else."""
+        return self.due_s + LATE_S
+
+    def reset(self) -> None:
+        """It is due at once."""
+        self.due_s = float("-inf")
+
     def due(self, now_s: float, urgent: bool = False) -> bool:
         """Now? Then it counts as done. What is urgent is always due."""
         if not urgent and now_s < self.due_s - EARLY_S:

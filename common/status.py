@@ -13,7 +13,7 @@ from common.bus import Bus, LocalBus
 from common.constants import STATUS_RATE_HZ
 from common.errors import ErrorCode
 from common.messages import STATUS, Status
-from common.pace import LATE_S, Pace
+from common.pace import Pace
 
 _STATM = Path("/proc/self/statm")
 MEMORY_PERIOD_S = 1.0  # reading it costs more than all else in a status
@@ -54,7 +54,7 @@ class StatusReporter:
     @property
     def latest_s(self) -> float:
         """Like `due_s`, for a node that messages step about as often: the status waits for the next of these steps."""
-        return self._pace.due_s + LATE_S
+        return self._pace.latest_s
 
     def report(
         self,

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from operator import attrgetter
 from typing import Any
 
 from common.bus import Bus
 from common.config import Config
-from common.constants import HEARTBEAT_PERIOD_S
+from common.constants import HEARTBEAT_PERIOD_S, PERMIT_TIMEOUT_S
 from common.errors import ErrorCode
 from common.messages import (
     CARRIER,
@@ -30,10 +31,10 @@ from common.messages import (
     Speed,
     Topic,
 )
+from common.pace import Pace
 from common.status import StatusPace, StatusReporter
 from onboard.bridge import protocol, translation
 from onboard.bridge.motion_gate import MotionGate
-from onboard.bridge.pace import Pace
 from onboard.bridge.protocol import (
     STOP_BYTE,
     CarSta,
@@ -57,6 +58,8 @@ REPEAT_S = 0.1  # until the board confirms
 NOISE_LINES = 10  # damaged lines within NOISE_WINDOW_S that are worth a warning
 
 _WORKING = (CarState.READY, CarState.MOVING, CarState.BACKING_OFF)
+_JUST_AFTER_S = 0.001  # after its timeout a permit counts no longer, not at it
+_order = attrgetter(*(field.name for field in fields(DriveCommand) if field.name != "t_s"))
 _log = logging.getLogger("bridge")
 
 
@@ -64,8 +67,8 @@ class Bridge:
     """The node. `port_factory` opens the port, or raises SerialLost with a sentence for people."""
 
     name = "bridge"
-    period_s = 0.01
-    wakes_on: tuple[Topic[Any], ...] = ()
+    period_s = 0.1
+    wakes_on: tuple[Topic[Any], ...] = (STOP, PERMIT, DRIVE)
 
     def __init__(self, port_factory: Callable[[], Port]) -> None:
         self._link = SerialLink(port_factory, self._forget_board)
@@ -79,22 +82,31 @@ class Bridge:
         self._car_pace, self._car_error = StatusPace(), 0
         self._drive: DriveCommand | None = None
         self._dropped: tuple[int, int] | None = None  # boot and id of the command that must not be begun any more
-        self._heartbeat = Pace(HEARTBEAT_PERIOD_S)
-        self._heartbeats = 0
+        self._heartbeat, self._heartbeats = Pace(HEARTBEAT_PERIOD_S), 0
         self._stopping, self._arming, self._driving = Pace(REPEAT_S), Pace(REPEAT_S), Pace(REPEAT_S)
         self._teaching = Pace(REPEAT_S)
         self._status = StatusReporter(self.name)
 
-    def step(self, bus: Bus, now_s: float) -> None:
+    def fileno(self) -> int | None:
+        return self._link.fileno()
+
+    def step(self, bus: Bus, now_s: float) -> float:
         try:
             self._step_stop(bus, now_s)
+            received = False
             for message, t_s in self._link.read(now_s):
+                received = True
                 self._publish(bus, message, t_s)
+            if received:
+                self._judge(bus, now_s)
             if self._link.connected:
                 self._command(now_s)
         except SerialLost as error:
             self._link.close(str(error))
-        self._report(bus, now_s)
+        # While lines come it waits for the last of them: whoever it wakes takes all together
+        if not self._link.receiving or now_s >= self._status.latest_s:
+            self._report(bus, now_s)
+        return self._due_s(bus, now_s)
 
     def close(self) -> None:
         self._link.close_standing("the bridge ends")
@@ -104,6 +116,14 @@ class Bridge:
     def _step_stop(self, bus: Bus, now_s: float) -> None:
         for request in bus.take(STOP):
             self._gate.request(request)
+        self._judge(bus, now_s)
+        for command in bus.take(DRIVE):
+            self._take_drive(command)
+        if not self._may_move:
+            self._forget_drive()
+
+    def _judge(self, bus: Bus, now_s: float) -> None:
+        """Whether the robot may move; where it no longer may, the board knows at once."""
         permitted = self._gate.may_move(bus.latest(PERMIT), bus.age_s(PERMIT))
         may_move = permitted and self._link.connected
         if may_move != self._may_move:
@@ -113,14 +133,12 @@ class Bridge:
             self._arming.reset()
             if not may_move and self._link.connected:
                 self._send_stop(now_s)
-        for command in bus.take(DRIVE):
-            self._take_drive(command)
         if not may_move:
             self._forget_drive()
 
     def _take_drive(self, command: DriveCommand) -> None:
         """What repeats the command in force keeps its pace; a command to stand is held back by nothing else."""
-        if self._drive is not None and replace(command, t_s=self._drive.t_s) == self._drive:
+        if self._drive is not None and _order(command) == _order(self._drive):
             return
         sound = command.valid and (command.boot, command.command_id) != self._dropped
         if command.speed is Speed.STOP or sound:
@@ -190,22 +208,31 @@ class Bridge:
     # --- to the board
 
     def _command(self, now_s: float) -> None:
+        for pace, message in self._wanted():
+            if not pace.due(now_s):
+                continue
+            if message is None:
+                self._link.write(STOP_BYTE)
+            else:
+                self._link.send(message, now_s)
+            self._heartbeats += pace is self._heartbeat
+
+    def _wanted(self) -> Iterator[tuple[Pace, Message | None]]:
+        """What the board is to receive, again and again until its reports show that it has; None is the stop byte."""
         car, epoch = self._car, self._gate.epoch
         if not self._may_move:
             if car is not None and self._stop is not None:
-                self._hold(car, self._stop, now_s)
+                yield from self._holding(car, self._stop)
             return
-        if self._heartbeat.due(now_s):
-            self._heartbeats += 1
-            self._link.send(Hb(self._heartbeats % 65536, epoch), now_s)
-        if car is None:
-            return
-        if car.stop_latched and self._arming.due(now_s):
-            self._link.send(Rel(epoch), now_s)
-        elif car.state == CarState.DISARMED and self._arming.due(now_s):
-            self._link.send(Start(protocol.HASH, epoch), now_s)
-        elif (command := self._undelivered(car)) is not None and self._driving.due(now_s):
-            self._link.send(translation.drive_line(command), now_s)
+        yield self._heartbeat, Hb((self._heartbeats + 1) % 65536, epoch)
+        if car is None or self._stop is None:
+            return  # the stop that it holds may be one that nobody knows yet
+        if car.stop_latched:
+            yield self._arming, Rel(epoch)
+        elif car.state == CarState.DISARMED:
+            yield self._arming, Start(protocol.HASH, epoch)
+        elif (command := self._undelivered(car)) is not None:
+            yield self._driving, translation.drive_line(command)
 
     def _undelivered(self, car: CarSta) -> DriveCommand | None:
         """What a working board neither has nor has given up; a command to stand is given up by nobody."""
@@ -216,13 +243,22 @@ class Bridge:
         known = car.boot == command.boot and (car.command_id == command.command_id or given_up)
         return None if known else command
 
-    def _hold(self, car: CarSta, stop: Stp, now_s: float) -> None:
+    def _holding(self, car: CarSta, stop: Stp) -> Iterator[tuple[Pace, Message | None]]:
         """The board stands, and knows the newest stop too."""
         stopped = bool(self._gate.stop_sources)
         if (stopped or car.state in _WORKING) and not car.stop_latched:
-            self._send_stop(now_s)
-        if stopped and stop.epoch < self._gate.epoch and self._teaching.due(now_s):
-            self._link.send(Stop(self._gate.epoch), now_s)
+            yield self._stopping, None
+        if stopped and stop.epoch < self._gate.epoch:
+            yield self._teaching, Stop(self._gate.epoch)
+
+    def _due_s(self, bus: Bus, now_s: float) -> float:
+        """When something is to be done though nothing arrives."""
+        due_s = min(self._status.latest_s, self._link.due_s)
+        if not self._link.connected:
+            return due_s
+        if self._may_move:
+            due_s = min(due_s, now_s + PERMIT_TIMEOUT_S - bus.age_s(PERMIT) + _JUST_AFTER_S)
+        return min([due_s, *(pace.latest_s for pace, _ in self._wanted())])
 
     # --- its own status
 

@@ -7,10 +7,11 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from enum import Enum
 
+from common.node import STEP_GAP_S
+from common.pace import Pace
 from onboard.bridge import protocol
 from onboard.bridge.board_clock import BoardClock
 from onboard.bridge.line_protocol import LineDecoder, Received, encode
-from onboard.bridge.pace import Pace
 from onboard.bridge.protocol import STOP_BYTE, Hello, Message
 from onboard.bridge.serial_port import Port, SerialLost
 
@@ -18,6 +19,9 @@ LINE_LOST_S = 0.3  # no valid line for this long: the board is lost
 REOPEN_S = 1.0
 RESET_AFTER_S = 10.0  # a port that stays silent for this long is opened anew
 NOISE_WINDOW_S = 10.0
+# Where a line is incomplete, more is on its way: what comes within this is taken together. The first line of a burst
+# takes 5 ms on the wire, so that none waits for more than 10 ms
+BURST_S = 0.015
 
 _log = logging.getLogger("bridge")
 
@@ -44,6 +48,7 @@ class SerialLink:
         self._opening = Pace(REOPEN_S)
         self._decoder = LineDecoder()
         self._received_s = float("-inf")
+        self._burst_end_s: float | None = None  # while more is on its way: when to read on
         self._clock = BoardClock()
         self._started_s: float | None = None
         self._noise: deque[tuple[float, int]] = deque([(float("-inf"), 0)])
@@ -51,6 +56,23 @@ class SerialLink:
     @property
     def connected(self) -> bool:
         return self.state is LinkState.CONNECTED
+
+    @property
+    def due_s(self) -> float:
+        """When `read` must be called though no byte comes (s)."""
+        if self._port is None:
+            return self._opening.due_s
+        silent_s = self._received_s + (LINE_LOST_S if self.connected else RESET_AFTER_S)
+        return silent_s if self._burst_end_s is None else min(silent_s, self._burst_end_s)
+
+    @property
+    def receiving(self) -> bool:
+        """A line has begun that is not complete yet."""
+        return self._burst_end_s is not None
+
+    def fileno(self) -> int | None:
+        """What to wait on for bytes; None while there is no port, or while what comes is waited for as a whole."""
+        return self._port.fileno() if self._port is not None and not self.receiving else None
 
     @property
     def bad_lines(self) -> int:
@@ -71,12 +93,16 @@ class SerialLink:
         if self._port is None and not self._reopen(now_s):
             return
         assert self._port is not None
-        for received in self._decoder.feed(self._port.read()):
+        if self._burst_end_s is not None and now_s < self._burst_end_s - STEP_GAP_S:
+            return
+        data = self._port.read()
+        self._burst_end_s = now_s + BURST_S if data and not data.endswith(b"\n") else None
+        for received in self._decoder.feed(data):
             yield from self._take_line(received, now_s)
         silent_s = now_s - self._received_s
-        if self.connected and silent_s > LINE_LOST_S:
+        if self.connected and silent_s >= LINE_LOST_S:
             self._lose_board(f"no line for {LINE_LOST_S:.1f} s")
-        elif silent_s > RESET_AFTER_S:
+        elif silent_s >= RESET_AFTER_S:
             self.close(f"no line for {RESET_AFTER_S:.0f} s")
 
     def send(self, message: Message, now_s: float) -> None:
@@ -103,6 +129,7 @@ class SerialLink:
         if why != self.why_closed:
             _log.warning("link=CLOSED reason=%s", why)
         self._port, self.state, self.why_closed = None, LinkState.CLOSED, why
+        self._burst_end_s = None
         self._forget_board()
 
     def _reopen(self, now_s: float) -> bool:

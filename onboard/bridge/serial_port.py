@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from typing import Protocol
 
 import serial
@@ -13,12 +14,15 @@ class SerialLost(ConnectionError):
 
 
 class Port(Protocol):
-    """Neither call blocks; both raise SerialLost when the port is gone."""
+    """No call blocks; `read` and `write` raise SerialLost when the port is gone."""
 
     def read(self) -> bytes:
         """Everything that has arrived."""
 
     def write(self, data: bytes) -> None: ...
+
+    def fileno(self) -> int | None:
+        """The descriptor to wait on for bytes; None once it is closed."""
 
 
 _WRITE_TIMEOUT_S = 0.2  # shorter than the firmware waits for a heartbeat; a busy machine may need some of it
@@ -36,12 +40,12 @@ class SerialPort:
 
     def read(self) -> bytes:
         try:
-            data: bytes = self._serial.read(self._serial.in_waiting or 1)
+            count = self._serial.in_waiting  # fails where the device is gone, while a read would find nothing
+            return os.read(self._serial.fileno(), count) if count else b""
         except (serial.SerialException, OSError, TypeError) as error:
             # TypeError: pyserial raises it when the device goes away between two of its calls
             self.close()
             raise SerialLost(_sentence(self._path, error)) from error
-        return data
 
     def write(self, data: bytes) -> None:
         try:
@@ -49,6 +53,9 @@ class SerialPort:
         except (serial.SerialException, OSError, TypeError) as error:
             self.close()
             raise SerialLost(_sentence(self._path, error)) from error
+
+    def fileno(self) -> int | None:
+        return self._serial.fd if self._serial.is_open else None
 
     def close(self) -> None:
         with contextlib.suppress(serial.SerialException, OSError):

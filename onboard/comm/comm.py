@@ -20,6 +20,7 @@ from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode, StartError
 from common.fields import CHALLENGE_BYTES
 from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit, Topic
+from common.pace import Pace
 from common.signing import CHALLENGE_PERIOD_S
 from common.status import StatusReporter
 from onboard.comm import stop_owner
@@ -27,11 +28,13 @@ from onboard.comm.outbox import FILE_NAME, Outbox
 from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_owner import BridgeReport, Phase
 from onboard.comm.stop_record import RECORD_NAME, Stop
-from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, watch
+from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, silent_in_s, watch
 
 OFFBOARD_WATCHED = "recorder"
 BRIDGE = "bridge"
 LIFE_BITS = 53
+
+_JUST_AFTER_S = 0.001  # at its greatest age a status still counts
 
 _log = logging.getLogger("comm")
 
@@ -57,8 +60,10 @@ class Comm:
     """
 
     name = "comm"
-    period_s = 0.02
-    wakes_on: tuple[Topic[Any], ...] = ()
+    period_s = 0.1
+    # The bridge reports at the board's pace and, at once, what it holds the robot for. Permit and status keep to it, so
+    # that both processes wake once for all of them
+    wakes_on: tuple[Topic[Any], ...] = (STOP, OPERATION, STATUS[BRIDGE])
 
     def __init__(
         self,
@@ -73,22 +78,27 @@ class Comm:
         self._watchdog: WatchdogState | None = None
         self._heartbeats: dict[str, _Heartbeat] = {}
         self._permit: Permit | None = None
-        self._permit_due_s = float("-inf")
+        self._permit_pace = Pace(1.0 / PERMIT_RATE_HZ)
         self._new_challenge = new_challenge
         self._challenge = b""
         self._challenge_due_s = float("-inf")
         self._status = StatusReporter(self.name)
 
-    def step(self, bus: Bus, now_s: float) -> None:
+    def step(self, bus: Bus, now_s: float) -> float:
         self._take_stops(bus)
+        self._stops.step(now_s)
         tokens = bus.alive_tokens() if isinstance(bus, TokenBus) else None
-        verdict = self._watch(bus, now_s, tokens)
+        readings = self._readings(bus, now_s, tokens)
+        self._watchdog, verdict = watch(self._watchdog or WatchdogState(started_s=now_s), readings, now_s)
         self._publish_permit(bus, now_s, verdict)
         recorder_away = tokens is not None and OFFBOARD_WATCHED not in tokens
         self._report(bus, now_s, verdict, recorder_away)
-        self._stops.step(now_s)
+        due_s = [self._permit_pace.latest_s, self._status.latest_s, self._stops.due_s(now_s)]
+        due_s.append(now_s + silent_in_s(readings) + _JUST_AFTER_S)
         if self._outbox is not None:
             self._outbox.step(bus, now_s)
+            due_s.append(self._outbox.due_s(now_s))
+        return min(due_s)
 
     def close(self) -> None:
         self._stops.close()
@@ -111,23 +121,20 @@ class Comm:
             known = BridgeReport(report.comm_life, *epochs, stops, report.button_pressed)
             self._stops.change(partial(stop_owner.on_report, report=known))
 
-    def _watch(self, bus: Bus, now_s: float, tokens: frozenset[str] | None) -> Verdict:
+    def _readings(self, bus: Bus, now_s: float, tokens: frozenset[str] | None) -> dict[str, ModuleReading]:
         required = self._settings.required
         if self._settings.stop_when_offboard_missing:
             required = (*required, OFFBOARD_WATCHED)
-        readings = {module: self._read(bus, module, now_s, tokens) for module in required}
-        state = self._watchdog or WatchdogState(started_s=now_s)
-        self._watchdog, verdict = watch(state, readings, now_s)
-        return verdict
+        return {module: self._read(bus, module, now_s, tokens) for module in required}
 
     def _read(self, bus: Bus, module: str, now_s: float, tokens: frozenset[str] | None) -> ModuleReading:
-        status = bus.latest(STATUS[module])
+        status, age_s = bus.latest(STATUS[module]), bus.age_s(STATUS[module])
         heartbeat = self._heartbeats.setdefault(module, _Heartbeat())
         if status is not None and status.heartbeat_count != heartbeat.count:
-            heartbeat.count, heartbeat.seen_s = status.heartbeat_count, now_s
+            heartbeat.count, heartbeat.seen_s = status.heartbeat_count, now_s - age_s
         return ModuleReading(
             token=tokens is None or module in tokens,
-            status_age_s=bus.age_s(STATUS[module]),
+            status_age_s=age_s,
             heartbeat_age_s=now_s - heartbeat.seen_s,
             ready=status is not None and status.ready and status.valid,
             state=status.state if status is not None else "no status received",
@@ -149,14 +156,14 @@ class Comm:
         )
         old = self._permit
         changed = old is None or _essence(old) != _essence(permit)
-        if not changed and now_s < self._permit_due_s:
+        if not self._permit_pace.due(now_s, urgent=changed):
             return
         if changed:
             _log.info("permit granted=%s reason=%s", permit.granted, reason or "-")
         if self._new_challenge is not None and now_s >= self._challenge_due_s:
             self._challenge, self._challenge_due_s = self._new_challenge(), now_s + CHALLENGE_PERIOD_S
             permit = replace(permit, challenge=self._challenge)
-        self._permit, self._permit_due_s = permit, now_s + 1.0 / PERMIT_RATE_HZ - self.period_s / 2
+        self._permit = permit
         bus.publish(PERMIT, permit)
 
     def _stop_reason(self) -> str:

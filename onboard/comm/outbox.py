@@ -24,7 +24,8 @@ from onboard.comm.crash_buffer import CrashBuffer
 from onboard.comm.outbox_sender import OutboxSender
 from onboard.comm.outbox_store import RAM_BYTES, Batch, OutboxStore, Turn, open_store
 
-ROW_PERIOD_S = 0.25
+ROW_PERIOD_S = 0.5
+BACKLOG_PAUSE_S = 0.02  # between two steps while a recorder takes more than one step may send
 RETRY_S = 1.0  # after the disk refused
 WAITING_BYTES_MAX = 8_000_000  # in RAM, while the disk does not take them
 SAVE_BYTES_MAX = 1_000_000  # of them that the disk takes together
@@ -57,6 +58,7 @@ class Outbox:
         self._handed: tuple[int, Losses] = (0, {})  # how many of those that wait, and what was dropped, the disk has
         self._save_due_s = float("-inf")
         self._next_rows_due = False  # more lies on the disk: no need to wait for the period
+        self._loading_next = False  # and the disk is at it
         self._disk_works = True
         turn = self._store.look()
         self._stored_bytes = turn.stored_bytes
@@ -82,9 +84,15 @@ class Outbox:
         self._look_at_disk(now_s)
         self._take_receipts(bus, now_s)
         self._save(now_s)
-        piece = self._sender.piece(now_s)  # at most one per step
-        if piece is not None:
+        for piece in self._sender.pieces(now_s):
             bus.publish(OUTBOX, piece)
+
+    def due_s(self, now_s: float) -> float:
+        """When `step` has something to do though nothing arrives (s); what is never urgent waits for the next step."""
+        backlog = self._sender.unsent or self._next_rows_due or self._loading_next
+        if backlog and self._sender.is_answered(now_s):
+            return now_s + BACKLOG_PAUSE_S
+        return self._sender.due_s
 
     def close(self) -> None:
         """What still waits goes onto the disk, for the next life."""
@@ -125,6 +133,7 @@ class Outbox:
         outcome = self._disk.result(now_s)
         if outcome is None:
             return
+        self._loading_next = False
         turn, was_thinning = outcome.value, self.thinning
         refused = outcome.error if turn is None else turn.refused
         if refused is None:
@@ -172,7 +181,8 @@ class Outbox:
             return
         if not (self._waiting or self._dropped) and self._sender.acknowledged == self._removed:
             return
-        self._save_due_s, self._next_rows_due = now_s + ROW_PERIOD_S, False
+        self._loading_next, self._next_rows_due = self._next_rows_due, False
+        self._save_due_s = now_s + ROW_PERIOD_S
         # A disk with little space takes some, where it would take nothing of all
         ends = accumulate(len(message.data) for message in self._waiting)
         within = sum(1 for _ in takewhile(lambda end: end <= SAVE_BYTES_MAX, ends))

@@ -8,6 +8,7 @@ OWNER_SILENCE_S.
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from common.messages import RECEIPT, OutboxPiece, OutboxReceipt
@@ -72,8 +73,26 @@ class OutboxSender:
         elif receipt.total_bytes == len(rows.data):
             self._progress(receipt.offset, now_s)
 
-    def piece(self, now_s: float) -> OutboxPiece | None:
-        """The next one, when there is one to be sent now."""
+    @property
+    def unsent(self) -> bool:
+        """A part of the rows was not sent yet."""
+        return self.rows is not None and self._reached.offset < len(self.rows.data)
+
+    @property
+    def due_s(self) -> float:
+        """When something is to be sent again (s)."""
+        return self._resend_due_s if self.rows is not None else float("inf")
+
+    def is_answered(self, now_s: float) -> bool:
+        """A recorder was there just now."""
+        return now_s - self._owner_received_s <= RECEIPT_SILENCE_S
+
+    def pieces(self, now_s: float) -> Iterator[OutboxPiece]:
+        """All that may be sent now."""
+        while (piece := self._piece(now_s)) is not None:
+            yield piece
+
+    def _piece(self, now_s: float) -> OutboxPiece | None:
         rows, reached = self.rows, self._reached
         if rows is None:
             return None

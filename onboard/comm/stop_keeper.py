@@ -12,6 +12,7 @@ from onboard.comm.stop_owner import StopOwner
 from onboard.comm.stop_record import DamagedRecord, StopRecord, read_record, write_record
 
 RETRY_S = 1.0  # after the disk refused
+LOOK_S = 0.02  # between two looks whether the disk is done
 
 _log = logging.getLogger("comm")
 
@@ -50,6 +51,12 @@ class StopKeeper:
         wanted = self.state.to_store
         if wanted is not None and not self._disk.busy and now_s >= self._retry_s:
             self._disk.begin(lambda: self._store(wanted), now_s)
+
+    def due_s(self, now_s: float) -> float:
+        """When `step` has something to do (s): while the disk writes soon, for the permit may wait for it."""
+        if self._disk.busy:
+            return now_s + LOOK_S
+        return max(now_s, self._retry_s) if self.state.to_store is not None else float("inf")
 
     def close(self) -> None:
         """Waits for what is being stored."""

@@ -57,6 +57,12 @@ def fault_of(module: str, reading: ModuleReading) -> str | None:
     return None
 
 
+def silent_in_s(readings: Mapping[str, ModuleReading]) -> float:
+    """In how many seconds the first of the modules that report falls silent if nothing comes; infinite without one."""
+    ages_s = [age_s for reading in readings.values() for age_s in (reading.status_age_s, reading.heartbeat_age_s)]
+    return min((STATUS_AGE_MAX_S - age_s for age_s in ages_s if age_s <= STATUS_AGE_MAX_S), default=float("inf"))
+
+
 def watch(state: WatchdogState, readings: Mapping[str, ModuleReading], now_s: float) -> tuple[WatchdogState, Verdict]:
     """The next state and whether the required modules allow motion; `readings` names every required one."""
     faults = [fault for module, reading in readings.items() if (fault := fault_of(module, reading))]

@@ -160,8 +160,11 @@ def bridge(bus: WireBus) -> Stage:
         def write(self, data: bytes) -> None:
             bench.board.serial_write(data)
 
+        def fileno(self) -> int | None:
+            return None
+
     def beside(now_s: float) -> None:
-        for _ in range(2):
+        for _ in range(round(Bridge.period_s / 0.005)):
             bench.now_us += 5000
             bench.board.imu(0, 0, 16384, 0, 0, bench.gyro_counts(0.0))
             for sonar in bench.board.fired():

@@ -115,3 +115,7 @@ class HostPort:
 
     def write(self, data: bytes) -> None:
         self._line.send(data)
+
+    def fileno(self) -> int | None:
+        """No descriptor of the system: `readable` is to be looked at instead."""
+        return -1

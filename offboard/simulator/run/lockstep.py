@@ -68,12 +68,12 @@ class _Slot:
         self.frozen = False
         self.durations_s: list[float] = []
         self._bus, self._agenda, self._stopwatch = bus, Agenda(node, 0.0), stopwatch
-        self._port = port if isinstance(node, FileNode) else None
+        self._file, self._port = (node if isinstance(node, FileNode) else None), port
         bus.wake_on(node.wakes_on)
 
     def run(self, now_s: float) -> None:
         if now_s < self._agenda.due_s - _ROUNDING_S:
-            woken = self._bus.woken or (self._port is not None and self._port.readable)
+            woken = self._bus.woken or self._file_readable()
             if not woken or now_s < self._agenda.earliest_s - _ROUNDING_S:
                 return
         if self.frozen:
@@ -85,6 +85,9 @@ class _Slot:
         self.durations_s.append(time.thread_time() - began_s)
         self._agenda.stepped(now_s, due_s)
         self._stopwatch.enter(before)
+
+    def _file_readable(self) -> bool:
+        return self._file is not None and self._port.readable and self._file.fileno() is not None
 
 
 class Lockstep:

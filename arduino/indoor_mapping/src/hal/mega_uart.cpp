@@ -1,4 +1,4 @@
-// Serial line: rings of 256 bytes both ways, and the stop byte acted upon in the receive interrupt itself.
+// Serial line: a ring of bytes for each way, and the stop byte acted upon in the receive interrupt itself.
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <util/atomic.h>
@@ -11,8 +11,15 @@ namespace mega {
 namespace {
 
 // Indices of eight bits wrap by themselves
-char g_rx[256], g_tx[256];
-volatile uint8_t g_rx_head, g_rx_tail, g_tx_head, g_tx_tail;
+char g_rx[256];
+volatile uint8_t g_rx_head, g_rx_tail;
+
+// All reports of one period, and what answers the bridge meanwhile
+const uint16_t kTxBytes = 512;
+char g_tx[kTxBytes];
+volatile uint16_t g_tx_head, g_tx_tail;
+
+uint16_t after(uint16_t index) { return (index + 1u) % kTxBytes; }
 
 }  // namespace
 
@@ -37,10 +44,13 @@ int16_t uart_read() {
 }
 
 bool uart_write(const char* data, uint8_t length) {
-  const uint8_t used = static_cast<uint8_t>(g_tx_head - g_tx_tail);
-  if (length > 255 - used) return false;
-  uint8_t head = g_tx_head;
-  for (uint8_t i = 0; i < length; ++i) g_tx[head++] = data[i];
+  uint16_t head = g_tx_head, used;
+  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { used = (head - g_tx_tail) % kTxBytes; }
+  if (length >= kTxBytes - used) return false;
+  for (uint8_t i = 0; i < length; ++i) {
+    g_tx[head] = data[i];
+    head = after(head);
+  }
   ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
     g_tx_head = head;
     UCSR0B |= _BV(UDRIE0);
@@ -69,5 +79,5 @@ ISR(USART0_UDRE_vect) {
     return;
   }
   UDR0 = static_cast<uint8_t>(mega::g_tx[mega::g_tx_tail]);
-  mega::g_tx_tail = static_cast<uint8_t>(mega::g_tx_tail + 1);
+  mega::g_tx_tail = mega::after(mega::g_tx_tail);
 }
