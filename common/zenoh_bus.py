@@ -56,6 +56,7 @@ class ZenohBus:
         self._held: dict[str, list[Packed]] | None = None  # by bundle, while they are collected
         self._tokens: set[str] = set()
         self._recording: RecordingSubscriber | None = None
+        self._keep: Callable[[str, bytes], None] | None = None
         self.announced: Announcements | None = None  # set under the shared clock: what was published
         self._arrival = threading.Event()
         self._wakes_on: frozenset[str] = frozenset()
@@ -170,7 +171,11 @@ class ZenohBus:
             by_key, on_event, known, lambda key, query: self._query_producer(by_key[key], query)
         )
         for key, topic in by_key.items():
-            self._end.read(topic, _Recorded(key, recording))
+            self._end.read(topic, _Recorded(key, recording, self._keep))
+
+    def spool(self, keep: Callable[[str, bytes], None]) -> None:
+        """Calls `keep` with key and bytes of every recorded message of this process; to be called before `record`."""
+        self._keep = keep
 
     def take_recorded(self) -> list[RecordedMessage]:
         return self._recording.messages() if self._recording is not None else []
@@ -245,10 +250,12 @@ class _Handler(Generic[P]):
 class _Recorded:
     """Reads a topic for the recording."""
 
-    def __init__(self, key: str, recording: RecordingSubscriber) -> None:
-        self._key, self._recording = key, recording
+    def __init__(self, key: str, recording: RecordingSubscriber, keep: Callable[[str, bytes], None] | None) -> None:
+        self._key, self._recording, self._keep = key, recording, keep
 
     def store(self, arrival: Arrival) -> None:
+        if self._keep is not None and arrival.is_own:
+            self._keep(self._key, arrival.data)
         self._recording.store(self._key, arrival.data)
 
     def count_bad(self, problem: str) -> None:

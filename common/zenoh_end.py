@@ -45,6 +45,7 @@ class Arrival:
     data: bytes
     signature: bytes = b""
     envelope: Envelope[Any] | None = None
+    is_own: bool = False  # published by a node of this process
 
 
 class Reader(Protocol):

@@ -97,7 +97,7 @@ class Outbox(Generic[P]):
             else:
                 self._publisher.put(data, attachment=signature)
             envelope = Envelope(payload, self.sequence, self._boot_id)
-            self._end.deliver(self._topic.key, Arrival(data, signature or b"", envelope))
+            self._end.deliver(self._topic.key, Arrival(data, signature or b"", envelope, is_own=True))
             if self._recent is not None:
                 self._recent.append(self.sequence, data)
             if self._history is not None:

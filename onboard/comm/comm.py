@@ -25,6 +25,7 @@ from common.signing import CHALLENGE_PERIOD_S
 from common.status import StatusReporter
 from onboard.comm import stop_owner
 from onboard.comm.outbox import FILE_NAME, Outbox
+from onboard.comm.spool import Spool, spool_folder
 from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_owner import BridgeReport, Phase
 from onboard.comm.stop_record import RECORD_NAME, Stop
@@ -207,7 +208,9 @@ def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
         raise StartError("comm needs --log-dir: a stop must outlive this process.")
     if BRIDGE not in config.comm.required:
         raise StartError(f'[comm] required names no "{BRIDGE}": without the bridge no permit reaches the board.')
-    outbox = Outbox(folder / FILE_NAME, config.comm.outbox_limit_mb * 1_000_000)
+    memory = spool_folder(folder)
+    spool = Spool(memory) if memory is not None else None
+    outbox = Outbox(folder / FILE_NAME, config.comm.outbox_limit_mb * 1_000_000, spool=spool)
     new_challenge = (lambda: secrets.token_bytes(CHALLENGE_BYTES)) if config.mesh.keys else None
     stops = StopKeeper(folder / RECORD_NAME, life=secrets.randbits(LIFE_BITS))
     return Comm(config.comm, stops, outbox, new_challenge)

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from itertools import accumulate, takewhile
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from common.bus import Bus
 from common.disk_worker import DISK_ERRORS, disk_worker
@@ -23,6 +24,7 @@ from common.recording import Known, Losses, RecordedMessage, add_loss, remember
 from onboard.comm.crash_buffer import CrashBuffer
 from onboard.comm.outbox_sender import OutboxSender
 from onboard.comm.outbox_store import RAM_BYTES, Batch, OutboxStore, Turn, open_store
+from onboard.comm.spool import Spool
 
 ROW_PERIOD_S = 0.5
 BACKLOG_PAUSE_S = 0.02  # between two steps while a recorder takes more than one step may send
@@ -41,15 +43,25 @@ _RECORDER_KEYS = frozenset(topic.key for topic in _OF_RECORDER)
 _log = logging.getLogger("comm")
 
 
+@runtime_checkable
+class SpoolingBus(Protocol):
+    """A bus between processes: what is published in this one is lost with it unless somebody keeps it."""
+
+    def spool(self, keep: Callable[[str, bytes], None]) -> None: ...
+
+
 class Outbox:
     """Part of comm: `step` in every step of it, `close` at its end. No step waits for the disk."""
 
-    def __init__(self, file: Path | None, limit_bytes: int, new_id: int | None = None) -> None:
-        """`new_id`: for lockstep, where the disk's work is done at once and in order."""
+    def __init__(
+        self, file: Path | None, limit_bytes: int, new_id: int | None = None, spool: Spool | None = None
+    ) -> None:
+        """`new_id`: for lockstep, where the disk's work is done at once and in order. `spool`: of this process."""
         self._store: OutboxStore = open_store(file, new_id)
         self._limit_bytes = min(limit_bytes, RAM_BYTES // 2) if self._store.in_memory else limit_bytes
         self._disk = disk_worker("outbox", at_once=new_id is not None)
         self._recording = False
+        self._spool, self._spooled = spool, 0  # and its mark of what the disk has been handed
         self._crash_buffer = CrashBuffer(_RECORDER_KEYS)
         self._received: Known = dict(self._store.received)
         self._waiting: list[RecordedMessage] = []  # not known to be on the disk
@@ -78,8 +90,7 @@ class Outbox:
 
     def step(self, bus: Bus, now_s: float) -> None:
         if not self._recording:
-            bus.record((*ROBOT_RECORDED, *_OF_RECORDER), self._received)
-            self._recording = True
+            self._begin_recording(bus)
         self._collect(bus)
         self._look_at_disk(now_s)
         self._take_receipts(bus, now_s)
@@ -102,7 +113,21 @@ class Outbox:
         if (self._waiting or self._dropped) and self._disk_works:
             with suppress(*DISK_ERRORS):
                 self._work(len(self._waiting))()
+                self._waiting, self._dropped = [], {}
+        if self._spool is not None and not self._waiting:
+            self._spool.close()
         self._store.close()
+
+    def _begin_recording(self, bus: Bus) -> None:
+        self._recording = True
+        if self._spool is not None and isinstance(bus, SpoolingBus):
+            for message in self._spool.left():
+                source = (message.key, message.boot_id)
+                if message.sequence > self._received.get(source, 0):
+                    remember(self._received, source, message.sequence)
+                    self._wait([message])
+            bus.spool(self._spool.append)
+        bus.record((*ROBOT_RECORDED, *_OF_RECORDER), self._received)
 
     def _collect(self, bus: Bus) -> None:
         # What does not fit stays with the bus, and with the producers beyond that
@@ -163,6 +188,8 @@ class Outbox:
     def _forget_saved(self) -> None:
         count, dropped = self._handed
         self._handed = (0, {})
+        if self._spool is not None:
+            self._spool.forget(self._spooled)
         self._waiting_bytes -= sum(len(message.data) for message in self._waiting[:count])
         del self._waiting[:count]
         self._dropped = {source: span for source, span in self._dropped.items() if dropped.get(source) != span}
@@ -188,6 +215,8 @@ class Outbox:
         within = sum(1 for _ in takewhile(lambda end: end <= SAVE_BYTES_MAX, ends))
         count = min(max(within, 1), len(self._waiting))
         self._handed = (count, dict(self._dropped))
+        if self._spool is not None and count == len(self._waiting):
+            self._spooled = self._spool.turn()
         self._removed = self._sender.acknowledged
         self._disk.begin(self._work(count), now_s)
 

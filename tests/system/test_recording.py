@@ -130,7 +130,7 @@ class Witness:
 @pytest.fixture
 def local(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """A headless run; `tmp_path / "run"` is its folder."""
-    arguments = ["local", "--floor", "straight", "--headless", "--apart", "--out", str(tmp_path / "run")]
+    arguments = ["local", "--floor", "straight", "--headless", "--out", str(tmp_path / "run")]
     with (tmp_path / "output.txt").open("wb") as output:
         process = subprocess.Popen(
             [sys.executable, "-m", "deploy.cli", *arguments], env=environment(), cwd=ROOT, stdout=output, stderr=output
