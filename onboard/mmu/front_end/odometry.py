@@ -72,7 +72,7 @@ class OdometryFilter:
             self._jump(odometry)
             return False
         self._last, self._jumped = odometry, None
-        before = Pose2.from_array(self._filter.x.ravel())
+        before = Pose2.from_array(self._filter.x.ravel().tolist())
         dt_s = odometry.t_s - last.t_s
         left_m = (odometry.ticks_left - last.ticks_left) * self._tick_m
         right_m = (odometry.ticks_right - last.ticks_right) * self._tick_m
@@ -82,7 +82,7 @@ class OdometryFilter:
         self._yaw_unwrapped_rad += turned_rad
         self.slip.drive(left_m, right_m, turned_rad)
         self._correct()
-        moved = before.between(Pose2.from_array(self._filter.x.ravel()))
+        moved = before.between(Pose2.from_array(self._filter.x.ravel().tolist()))
         if dt_s > GAP_S:
             board = board_pose(last).between(board_pose(odometry))
             moved = Pose2(board.x_m, board.y_m, moved.heading_rad)
@@ -123,16 +123,19 @@ class OdometryFilter:
 
     def _predict(self, left_m: float, right_m: float, dt_s: float, standing: bool, by_hand_rad: float) -> None:
         """`by_hand_rad`: so far it was turned by hand, of which the wheels know nothing."""
-        x = self._filter.x.ravel()
+        x_m, y_m, heading_rad, drift_rad = self._filter.x.ravel().tolist()
         distance_m, turn_rad = (left_m + right_m) / 2, (right_m - left_m) / self._track_m
-        middle_rad = x[2] + turn_rad / 2
+        middle_rad = heading_rad + turn_rad / 2
         c, s = cos(middle_rad), sin(middle_rad)
-        self._filter.x = np.array([[x[0] + distance_m * c], [x[1] + distance_m * s], [x[2] + turn_rad], [x[3]]])
+        self._filter.x = np.array(
+            [[x_m + distance_m * c], [y_m + distance_m * s], [heading_rad + turn_rad], [drift_rad]]
+        )
         jacobian = np.eye(4)
         jacobian[0, 2], jacobian[1, 2] = -distance_m * s, distance_m * c
         slip_variance = SLIP_SD_PER_SQRT_M**2 * (abs(left_m) + abs(right_m)) / 2
-        along = np.array([c, s, 0.0, 0.0])
-        process = np.outer(along, along) * slip_variance / 2
+        process = np.zeros((4, 4))
+        process[0, 0], process[1, 1] = c * c * slip_variance / 2, s * s * slip_variance / 2
+        process[0, 1] = process[1, 0] = c * s * slip_variance / 2
         process[2, 2] = 2 * slip_variance / self._track_m**2 + by_hand_rad**2
         process[3, 3] = 0.0 if standing else GYRO_DRIFT_SD_RAD_PER_SQRT_S**2 * dt_s
         self._filter.P = jacobian @ self._filter.P @ jacobian.T + process
