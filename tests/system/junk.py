@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable
+from collections.abc import Collection
 
 import msgpack
 import zenoh
@@ -26,17 +26,19 @@ def huge() -> list[bytes]:
     return [bytes(100_000_000)]
 
 
-def throw(config: Config, payloads: list[bytes], keys: Iterable[str]) -> None:
-    """Each payload at each topic, once: by itself, as a bundle, and within a bundle, where its messages travel so."""
+def throw(config: Config, payloads: list[bytes], keys: Collection[str]) -> None:
+    """Each payload at each topic, once: by itself, or where its messages travel in bundles, as one and within one."""
     bundles = {topic.key: topic.bundle_key for topic in TOPICS if topic.bundle_key}
     with zenoh.open(session_config(Channel("client", connect=(config.mesh.router,)))) as stranger:
 
         def put(key: str, payload: bytes) -> None:
             stranger.put(f"{config.robot.name}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
-        for key in keys:
-            for payload in payloads:
-                put(key, payload)
+        for payload in payloads:
+            for bundle_key in {bundles[key] for key in keys if key in bundles}:
+                put(bundle_key, payload)
+            for key in keys:
                 if key in bundles:
-                    put(bundles[key], payload)
                     put(bundles[key], bundle.pack([(key, payload)]))
+                else:
+                    put(key, payload)
