@@ -13,7 +13,7 @@ import tomllib
 from dataclasses import dataclass, field
 from math import degrees, pi, radians
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 from common.constants import (
     CAMERA_FIELD_OF_VIEW_RAD,
@@ -25,10 +25,12 @@ from common.constants import (
 )
 from common.errors import StartError
 from common.messages import STATUS
-from common.modules import COMPUTERS, OFFBOARD, PACKAGES, on
+from common.modules import OFFBOARD, PACKAGES, Board, on
 from common.rules import Between, Count, Form, Names, Pattern, Rule
 from common.text_file import read_text
 
+# Sections of the computers that run processes
+BOARDS = {"beaglebone": Board.BEAGLEBONE, "raspberry": Board.RASPBERRY, "laptop": Board.LAPTOP}
 TEXT_MAX = 1000  # characters; no path is longer
 LIST_MAX = 1000
 
@@ -42,6 +44,8 @@ _PROCESS = Form(
     rf"({_SHARING})(\+({_SHARING}))*|bridge|{'|'.join(OFFBOARD)}",
     "must be a module, or several of the robot joined by +; the bridge has a process of its own",
 )
+_SSH = Form(r"([A-Za-z0-9_][A-Za-z0-9_.-]*@)?[A-Za-z0-9][A-Za-z0-9._-]*|", 'must be "USER@HOST" or "HOST"')
+_PLATFORM = Form("armv7l|aarch64|x86_64", 'must be "armv7l", "aarch64" or "x86_64"')
 _LABEL = "[A-Za-z0-9_-]{1,63}"
 
 
@@ -72,29 +76,17 @@ class MeshSection:
 
 
 @dataclass(frozen=True, slots=True)
-class ProcessesSection:
-    """Which board runs which processes. Modules joined by + share one process and its links."""
+class BoardSection:
+    """A computer of the robot: which processes it runs, and how `deploy` reaches it."""
 
-    beaglebone: tuple[Annotated[str, _PROCESS], ...] = ("bridge", "comm+mmu+planner")
-    """On the BeagleBone Black."""
-    raspberry: tuple[Annotated[str, _PROCESS], ...] = ("poi",)
-    """On the Raspberry Pi. It can carry the whole robot: then the BeagleBone's list is empty."""
-    laptop: tuple[Annotated[str, _PROCESS], ...] = OFFBOARD
-    """On the laptop, which may ride on the robot and carry its processes as well."""
-
-    @property
-    def every(self) -> tuple[str, ...]:
-        """All processes."""
-        return (*self.beaglebone, *self.raspberry, *self.laptop)
-
-    def of(self, module: str) -> str:
-        """The process that runs a module; the module's own name where none is said to."""
-        return next((process for process in self.every if module in process.split("+")), module)
-
-
-def each_apart() -> ProcessesSection:
-    """Every module in a process of its own."""
-    return ProcessesSection(*(tuple(m for m in on(board) if m in PACKAGES) for board in COMPUTERS))
+    processes: tuple[Annotated[str, _PROCESS], ...] = ()
+    """What it runs; modules joined by + share one process and its links. Empty: it is not used."""
+    ssh: Annotated[str, _SSH] = ""
+    """Where `deploy` logs in, e.g. "debian@10.0.0.2" or a name of ~/.ssh/config; empty: `deploy` leaves it alone."""
+    platform: Annotated[str, _PLATFORM] = "x86_64"
+    """What `uname -m` prints there."""
+    debian: Annotated[int, Between(12, 13)] = 12
+    """Release of its Debian (or Raspberry Pi OS), from which its Python follows: 12 has 3.11, 13 has 3.13."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +170,9 @@ class PoiSection:
 class Config:
     robot: RobotSection = field(default_factory=RobotSection)
     mesh: MeshSection = field(default_factory=MeshSection)
-    processes: ProcessesSection = field(default_factory=ProcessesSection)
+    beaglebone: BoardSection = BoardSection(("bridge", "comm+mmu+planner"), platform="armv7l")
+    raspberry: BoardSection = BoardSection(("poi",), platform="aarch64")
+    laptop: BoardSection = BoardSection(OFFBOARD)
     bridge: BridgeSection = field(default_factory=BridgeSection)
     wheels: WheelsSection = field(default_factory=WheelsSection)
     sonars: SonarsSection = field(default_factory=SonarsSection)
@@ -187,9 +181,34 @@ class Config:
     poi: PoiSection = field(default_factory=PoiSection)
 
     @property
+    def boards(self) -> dict[str, BoardSection]:
+        """By the names of their sections."""
+        return {board: getattr(self, board) for board in BOARDS}
+
+    @property
+    def processes(self) -> tuple[str, ...]:
+        """Those of all boards."""
+        return tuple(process for board in self.boards.values() for process in board.processes)
+
+    def process_of(self, module: str) -> str:
+        """The process that runs a module; the module's own name where no board has it."""
+        return next((process for process in self.processes if module in process.split("+")), module)
+
+    def board_of(self, module: str) -> str:
+        """The board that runs a module; raises StopIteration where none does."""
+        return next(name for name, board in self.boards.items() if module in "+".join(board.processes).split("+"))
+
+    @property
     def has_camera(self) -> bool:
         """Does the robot look for points of interest?"""
         return "poi" in self.comm.required
+
+
+def apart(config: Config) -> Config:
+    """The configuration with every module in a process of its own, on the computer that it is made for."""
+    own = {name: tuple(m for m in on(computer) if m in PACKAGES) for name, computer in BOARDS.items()}
+    boards = {name: dataclasses.replace(board, processes=own[name]) for name, board in config.boards.items()}
+    return dataclasses.replace(config, **cast(dict[str, Any], boards))
 
 
 def with_camera(config: Config) -> Config:
@@ -245,13 +264,15 @@ def _check(config: Config, file: str) -> None:
                 f"{file}: mesh.{key} needs mesh.keys, the folder that `indoor-mapping deploy keys` makes."
             )
 
-    modules = [module for process in config.processes.every for module in process.split("+")]
+    modules = [module for process in config.processes for module in process.split("+")]
     twice = next((module for module in modules if modules.count(module) > 1), None)
     if twice is not None:
-        raise ConfigError(f"{file}: processes names {twice} twice; every module runs once.")
+        raise ConfigError(f"{file}: processes of the boards name {twice} twice; every module runs once.")
     missing = [module for module in PACKAGES if module not in modules]
     if missing:
-        raise ConfigError(f"{file}: processes names no {' and no '.join(missing)}; every module must run somewhere.")
+        raise ConfigError(
+            f"{file}: no board has {' or '.join(missing)} among its processes; every module must run somewhere."
+        )
 
 
 def parse_config(text: str, file: str = "robot.toml") -> Config:

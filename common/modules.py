@@ -17,9 +17,6 @@ class Board(Enum):
     LAPTOP = "laptop"
 
 
-COMPUTERS = (Board.BEAGLEBONE, Board.RASPBERRY, Board.LAPTOP)  # which run processes
-
-
 @dataclass(frozen=True, slots=True)
 class Module:
     name: str  # first part of its topics

@@ -115,7 +115,7 @@ def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
     own = addresses.get(session)
     before = NEIGHBOURS[: NEIGHBOURS.index(session)] if own else NEIGHBOURS
     # Who shares the router's process has no session besides
-    there = [name for name in before if config.processes.of(name) != config.processes.of(ROBOT_ROUTER)]
+    there = [name for name in before if config.process_of(name) != config.process_of(ROBOT_ROUTER)]
     return Channel("peer", (own,) if own else (), (router, *(addresses[name] for name in there)))
 
 

@@ -24,7 +24,7 @@ import zenoh
 
 from common.clock import FreeClock
 from common.codec import decode, encode
-from common.config import Config, MeshSection, each_apart
+from common.config import Config, MeshSection, apart
 from common.messages import POSE, PoseEstimate
 from common.zenoh_bus import ZenohBus
 from common.zenoh_session import lease_s, main_channel, open_session
@@ -200,9 +200,7 @@ class Pair:
 def measure(rounds: int) -> dict[str, Figures]:
     """Both kinds by turns, so that other load on the machine affects both."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    configs = {
-        kind: Config(mesh=MeshSection(f"tcp/127.0.0.1:{reserve_port()}"), processes=each_apart()) for kind in ENDS
-    }
+    configs = {kind: apart(Config(mesh=MeshSection(f"tcp/127.0.0.1:{reserve_port()}"))) for kind in ENDS}
     figures = {kind: Figures([], [], []) for kind in ENDS}
     with ExitStack() as routers:
         for config in configs.values():

@@ -10,10 +10,9 @@ from common.config import (
     Config,
     MeshSection,
     PoiSection,
-    ProcessesSection,
     VisualizerSection,
+    apart,
     config_text,
-    each_apart,
     with_camera,
 )
 from common.node_loop import STEPS_SUFFIX
@@ -61,11 +60,12 @@ def mesh_config(options: RunOptions, paths: RunPaths) -> Config:
     router, page = (reserve_port(port) for port in wanted)
     config = Config(
         mesh=MeshSection(f"tcp/127.0.0.1:{router}", f"tcp/127.0.0.1:{reserve_port()}"),
-        processes=each_apart() if options.apart else ProcessesSection(),
         bridge=BridgeSection(serial_port=str(paths.serial)),
         visualizer=VisualizerSection(port=page),
         poi=PoiSection(source=f"unix:{paths.frames}"),
     )
+    if options.apart:
+        config = apart(config)
     if not options.headless and router != usual_port():
         refuse_second_mesh(Config())
     if options.camera != "off":

@@ -150,7 +150,7 @@ class LocalRun:
         # The command center takes a terminal: it is opened in this one, where there is one
         absent = {"command_center", "bridge"} | ({"poi"} if self._options.camera == "off" else set())
         self._start(SIMULATOR, restart=False)
-        for process in self._config.processes.every:
+        for process in self._config.processes:
             self._start(without(process, absent))
         self._until(self._paths.serial.exists, SERIAL_WAIT_S, lambda: "The simulator opened no serial port.")
         self._start("bridge")

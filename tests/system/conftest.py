@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, config_text, each_apart
+from common.config import BridgeSection, Config, MeshSection, apart, config_text
 from common.environment import PROCESS_ENVIRONMENT
 from common.messages import ODOMETRY, PERMIT, Permit
 from common.zenoh_bus import ZenohBus
@@ -48,10 +48,11 @@ class Mesh:
     def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
         """`host`: this machine's address on the link over which the robot is reached."""
         self.folder = folder
-        self.config = Config(
-            mesh=MeshSection(router=free_endpoint(host), laptop_router=free_endpoint()),
-            processes=each_apart(),
-            bridge=BridgeSection(serial_port=str(folder / "serial")),
+        self.config = apart(
+            Config(
+                mesh=MeshSection(router=free_endpoint(host), laptop_router=free_endpoint()),
+                bridge=BridgeSection(serial_port=str(folder / "serial")),
+            )
         )
         self.config_file = folder / "robot.toml"
         self.config_file.write_text(config_text(self.config), encoding="utf-8")

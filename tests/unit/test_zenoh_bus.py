@@ -14,7 +14,7 @@ import zenoh
 
 from common import bundle
 from common.clock import Announcements, FreeClock
-from common.config import Config, MeshSection, each_apart
+from common.config import Config, MeshSection, apart
 from common.errors import StartError
 from common.messages import (
     GRID,
@@ -52,7 +52,7 @@ Open = Callable[..., ZenohBus]
 
 @pytest.fixture
 def config() -> Config:
-    return Config(mesh=MeshSection(router=f"tcp/127.0.0.1:{reserve_port()}"), processes=each_apart())
+    return apart(Config(mesh=MeshSection(router=f"tcp/127.0.0.1:{reserve_port()}")))
 
 
 @pytest.fixture

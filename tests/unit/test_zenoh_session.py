@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from common.config import Config, MeshSection, each_apart
+from common.config import Config, MeshSection, apart
 from common.errors import StartError
 from common.zenoh_session import NEIGHBOURS, Channel, Mode, command_channel, main_channel
 
@@ -45,7 +45,7 @@ def port_of(endpoint: str) -> str:
 
 
 def test_of_two_peers_just_one_connects_to_the_other_and_all_of_it_stays_on_loopback() -> None:
-    config = Config(processes=each_apart())
+    config = apart(Config())
     commands = command_channel("command_center", "peer", config)
     assert commands is not None
     channels = [*(main_channel(module, "peer", config) for module in (*NEIGHBOURS, "stranger")), commands]
