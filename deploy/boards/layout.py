@@ -22,11 +22,10 @@ UNIT_PREFIX = "indoor-mapping"
 TARGET = f"{UNIT_PREFIX}.target"
 PYTHON = "/usr/bin/python3"
 PYTHONPATH = f"{CURRENT}/app:{CURRENT}/site"
-DEVICE_GROUPS = {"bridge": "dialout", "poi": "video"}  # module -> group that may open its device
 
 
 def unit_name(process: str) -> str:
-    """The unit of a process as `robot.toml` names it."""
+    """The unit of a process as `robot.toml` names it; it may hold no +."""
     return f"{UNIT_PREFIX}-{process.replace('+', '-')}.service"
 
 

@@ -14,15 +14,9 @@ from common.config import Config
 from common.constants import STARTUP_GRACE_S
 from common.environment import PROCESS_ENVIRONMENT
 from common.modules import ON_ROBOT
+from deploy.boards.layout import CONFIG, PYTHON, PYTHONPATH, STATE, TARGET, UNIT_PREFIX, USER, unit_name
 from deploy.local.process_table import program_of
 from deploy.local.supervisor import RESTART_PAUSE_S
-
-PREFIX = "indoor-mapping"
-TARGET = f"{PREFIX}.target"
-USER = PREFIX
-CURRENT = f"/opt/{PREFIX}/current"  # the release that runs: `app`, the project's own packages, and `site`, the others
-CONFIG = f"/etc/{PREFIX}/robot.toml"
-STATE = f"/var/lib/{PREFIX}"  # stop record, outbox, map: what outlives a process and a release
 
 WATCHDOG_S = 5.0  # a loop steps at least every second; comm has withdrawn the permit long before
 _STOP_S = 5.0  # to write down what is held
@@ -89,7 +83,7 @@ _HARDENING = {
     "UMask": "0027",
 }
 _ENVIRONMENT = PROCESS_ENVIRONMENT | {
-    "PYTHONPATH": f"{CURRENT}/app:{CURRENT}/site",
+    "PYTHONPATH": PYTHONPATH,
     "PYTHONFAULTHANDLER": "1",  # where it was stuck goes to the journal
 }
 
@@ -99,18 +93,11 @@ def unit_texts(config: Config, board: str) -> dict[str, str]:
     order of their start, and the target of all; empty where none of them runs. What people look at on the laptop, they
     start themselves.
     """
-    processes: tuple[str, ...] = getattr(config.processes, board)
+    processes: tuple[str, ...] = config.boards[board].processes
     needs = {process: _needs(process) for process in processes if process.split("+")[0] in ON_ROBOT}
     ordered = sorted(needs, key=lambda process: needs[process].rank)
-    services = {
-        service_name(process): _service(process, needs[process], _before(process, needs)) for process in ordered
-    }
+    services = {unit_name(process): _service(process, needs[process], _before(process, needs)) for process in ordered}
     return services | {TARGET: _target(services)} if services else {}
-
-
-def service_name(process: str) -> str:
-    """The unit's name may hold no +."""
-    return f"{PREFIX}-{process.replace('+', '-')}.service"
 
 
 def _needs(process: str) -> _Needs:
@@ -119,7 +106,7 @@ def _needs(process: str) -> _Needs:
 
 def _before(process: str, needs: Mapping[str, _Needs]) -> list[str]:
     """Units of the processes that are started before this one."""
-    return [service_name(other) for other in needs if needs[other].rank < needs[process].rank]
+    return [unit_name(other) for other in needs if needs[other].rank < needs[process].rank]
 
 
 def _service(process: str, needs: _Needs, before: Iterable[str]) -> str:
@@ -131,10 +118,13 @@ def _service(process: str, needs: _Needs, before: Iterable[str]) -> str:
     }
     service = {
         "Type": "notify",
-        "ExecStart": f"/usr/bin/python3 -m {' '.join(program_of(process))} --config {CONFIG} --log-dir {STATE}",
+        "ExecStart": f"{PYTHON} -m {' '.join(program_of(process))} --config {CONFIG} --log-dir {STATE}",
         "User": USER,
         "SupplementaryGroups": " ".join(needs.groups),
-        "StateDirectory": PREFIX,
+        "StateDirectory": UNIT_PREFIX,
+        # All processes of the board share the folder, so none may take it along
+        "RuntimeDirectory": UNIT_PREFIX,
+        "RuntimeDirectoryPreserve": "yes",
         "Restart": "always",
         "RestartSec": f"{RESTART_PAUSE_S:g}",
         "WatchdogSec": f"{WATCHDOG_S:g}",

@@ -8,28 +8,29 @@ from pathlib import Path
 
 import pytest
 
-from common.config import Config, ProcessesSection, each_apart
-from deploy.boards.units import TARGET, unit_texts
+from common.config import BoardSection, Config, apart
+from deploy.boards.layout import TARGET
+from deploy.boards.units import unit_texts
 
 EXPOSURE_MAX = 2.5  # of 10, by `systemd-analyze security`
 PYTHON = Path("/usr/bin/python3")
 needs_systemd = pytest.mark.skipif(
     shutil.which("systemd-analyze") is None or not PYTHON.exists(), reason="needs: apt install systemd python3"
 )
-PI_ALONE = ProcessesSection((), ("bridge", "comm+mmu+planner", "poi"))
+PI_ALONE = Config(beaglebone=BoardSection(), raspberry=BoardSection(("bridge", "comm+mmu+planner", "poi")))
 PLACINGS = {
-    "beaglebone": (ProcessesSection(), "beaglebone"),
-    "raspberry": (ProcessesSection(), "raspberry"),
+    "beaglebone": (Config(), "beaglebone"),
+    "raspberry": (Config(), "raspberry"),
     "pi_alone": (PI_ALONE, "raspberry"),
-    "apart": (each_apart(), "beaglebone"),
+    "apart": (apart(Config()), "beaglebone"),
 }
 
 
 def units(placing: str) -> dict[str, dict[str, list[str]]]:
     """Unit -> key -> values."""
-    processes, board = PLACINGS[placing]
+    config, board = PLACINGS[placing]
     parsed: dict[str, dict[str, list[str]]] = {}
-    for name, text in unit_texts(Config(processes=processes), board).items():
+    for name, text in unit_texts(config, board).items():
         lines = [line.partition("=") for line in text.splitlines() if "=" in line]
         parsed[name] = {key: [v for k, _, v in lines if k == key] for key, _, _ in lines}
     return parsed
@@ -74,9 +75,9 @@ def test_a_laptop_that_only_looks_on_has_no_units() -> None:
 @needs_systemd
 @pytest.mark.parametrize("placing", PLACINGS)
 def test_systemd_takes_the_units_as_they_are(placing: str, tmp_path: Path) -> None:
-    processes, board = PLACINGS[placing]
+    config, board = PLACINGS[placing]
     files = []
-    for name, text in unit_texts(Config(processes=processes), board).items():
+    for name, text in unit_texts(config, board).items():
         files.append(tmp_path / name)
         files[-1].write_text(text, encoding="utf-8")
     verified = subprocess.run(["systemd-analyze", "verify", *files], capture_output=True, text=True, check=False)
