@@ -11,8 +11,8 @@ import pytest
 
 from common.messages import Permit
 from deploy.bench.core_quota import DutyCycle, GroupQuota, ThrottledCore, cores
+from deploy.bench.one_core import MotorRow, Withdrawn, switched_off, wheels_off_s
 from deploy.bench.process_cost import threads
-from deploy.bench.slow_core import MotorRow, Withdrawn, switched_off, wheels_off_s
 from deploy.bench.waiting import BenchFailed
 
 FACTOR = 15.0
