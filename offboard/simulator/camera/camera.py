@@ -124,7 +124,8 @@ class Camera:
         mujoco.mjr_render(rectangle, self._scene, self._renderer)
         image = np.empty((height_px, width_px, 3), dtype=np.uint8)
         mujoco.mjr_readPixels(image, None, rectangle, self._renderer)
-        return np.ascontiguousarray(image[::-1, :, ::-1])
+        # OpenGL's first row is the lowest one
+        return np.asarray(cv2.flip(cv2.cvtColor(image, cv2.COLOR_RGB2BGR), 0), dtype=np.uint8)
 
     def _load(self, model: Any) -> None:
         """Textures and shapes of a (new) model into the OpenGL context."""

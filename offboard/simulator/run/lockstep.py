@@ -70,11 +70,12 @@ class _Slot:
         self._bus, self._agenda, self._stopwatch = bus, Agenda(node, 0.0), stopwatch
         self._file, self._port = (node if isinstance(node, FileNode) else None), port
         bus.wake_on(node.wakes_on)
+        self._plan()
 
     def run(self, now_s: float) -> None:
-        if now_s < self._agenda.due_s - _ROUNDING_S:
-            woken = self._bus.woken or self._file_readable()
-            if not woken or now_s < self._agenda.earliest_s - _ROUNDING_S:
+        if now_s < self._due_s:
+            woken = self._bus.woken or (self._port is not None and self._port.readable)
+            if not woken or now_s < self._earliest_s:
                 return
         if self.frozen:
             return
@@ -83,8 +84,12 @@ class _Slot:
         began_s = time.thread_time()
         due_s = self.node.step(self._bus, now_s)
         self.durations_s.append(time.thread_time() - began_s)
-        self._agenda.stepped(now_s, due_s)
         self._stopwatch.enter(before)
+        self._agenda.stepped(now_s, due_s)
+        self._plan()
+
+    def _plan(self) -> None:
+        self._due_s, self._earliest_s = self._agenda.due_s - _ROUNDING_S, self._agenda.earliest_s - _ROUNDING_S
 
     def _file_readable(self) -> bool:
         return self._file is not None and self._port.readable and self._file.fileno() is not None
