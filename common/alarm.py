@@ -20,6 +20,7 @@ class Alarm:
         self._poll.register(self._event, select.POLLIN)
         self._watched: int | None = None
         self._rung = False
+        self.woke = False  # it had rung, or the file had something, at the last reset
 
     def ring(self) -> None:
         """Ends the wait that runs, or the next one."""
@@ -40,7 +41,7 @@ class Alarm:
 
     def reset(self) -> None:
         """To be called before what has rung is looked at."""
-        self._rung = False
+        self.woke, self._rung = self._rung, False
         with suppress(BlockingIOError):
             os.eventfd_read(self._event)
 

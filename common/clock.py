@@ -75,13 +75,13 @@ class FreeClock:
         return time.monotonic()
 
     def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
+        if alarm.woke:
+            # What wakes comes in bursts: the rest of one is taken together, without a look in between
+            time.sleep(max(0.0, agenda.earliest_s - time.monotonic()))
         while (now_s := time.monotonic()) < agenda.due_s and not stop.is_set():
-            if not alarm.wait(agenda.due_s - now_s):
-                continue
-            if now_s >= agenda.earliest_s:
+            if alarm.wait(agenda.due_s - now_s):
+                time.sleep(max(0.0, agenda.earliest_s - time.monotonic()))
                 return time.monotonic()
-            # What comes in the meantime is taken together with what has rung
-            stop.wait(agenda.earliest_s - now_s)
         return now_s
 
 

@@ -75,7 +75,8 @@ class Planner:
 
     name = "planner"
     period_s = 0.1
-    wakes_on: tuple[Topic[Any], ...] = (POSE, RANGES, DISTANCES, CARRIER, PERMIT, OPERATION, RETAKE)
+    # Distances and carrier come in one bundle with the ranges, or wait for the next step
+    wakes_on: tuple[Topic[Any], ...] = (POSE, RANGES, PERMIT, OPERATION, RETAKE)
 
     def __init__(self, deliberator: Deliberator, images_walls: bool = False, boot: int = 0) -> None:
         """`deliberator` answers queries. `images_walls`: there is a camera, and every wall shall have been on its
