@@ -74,7 +74,7 @@ class _Slot:
 
     def run(self, now_s: float) -> None:
         if now_s < self._due_s:
-            woken = self._bus.woken or (self._port is not None and self._port.readable)
+            woken = self._bus.woken or self._file_readable()
             if not woken or now_s < self._earliest_s:
                 return
         if self.frozen:
