@@ -55,8 +55,13 @@ def may_command(role: str) -> bool:
 
 
 def alive_key(module: str) -> str:
-    """Where a module's liveliness token stands, without the robot's name."""
+    """Where a module's liveliness token stands, without the robot's name; its release follows."""
     return f"{module}/alive"
+
+
+def alive_keys(module: str) -> str:
+    """Its tokens of whatever release; of all modules for "*"."""
+    return f"{alive_key(module)}/**"
 
 
 def published_keys(role: str) -> list[str]:
@@ -65,13 +70,13 @@ def published_keys(role: str) -> list[str]:
         return [topic.key for topic in TOPICS if topic.is_command]
     modules = ROLES[role]
     published = _keys(topic for topic in TOPICS if topic.producer in modules and not topic.is_command)
-    return published + [alive_key(module) for module in modules]
+    return published + [alive_keys(module) for module in modules]
 
 
 def subscribed_keys(role: str) -> list[str]:
     """Keys that a role may subscribe, each by itself: people every topic, a board what its modules read."""
     subscribed = _keys(topic for topic in TOPICS if role not in _ON_BOARD or _reads(role, topic))
-    return subscribed + [alive_key("*")] if ROLES[role] else subscribed
+    return subscribed + [alive_keys("*")] if ROLES[role] else subscribed
 
 
 def queried_keys(role: str) -> list[str]:

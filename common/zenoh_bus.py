@@ -24,6 +24,7 @@ from common.clock import Announcements, Clock
 from common.config import Config
 from common.messages import PERMIT, QosProfile, Topic
 from common.recording import Losses, RecordedMessage, RecordingSubscriber
+from common.release import Release, release_of_key
 from common.zenoh_end import Arrival, ZenohEnd
 from common.zenoh_inbox import QUERY_TIMEOUT_S, Decoder, Inbox
 from common.zenoh_outbox import Outbox, Replies
@@ -54,7 +55,7 @@ class ZenohBus:
         self._outboxes: dict[str, Outbox[Any]] = {}
         self._replies = Replies()
         self._held: dict[str, list[Packed]] | None = None  # by bundle, while they are collected
-        self._tokens: set[str] = set()
+        self._tokens: set[tuple[str, Release]] = set()
         self._recording: RecordingSubscriber | None = None
         self._keep: Callable[[str, bytes], None] | None = None
         self.announced: Announcements | None = None  # set under the shared clock: what was published
@@ -87,6 +88,10 @@ class ZenohBus:
 
     def alive_tokens(self) -> frozenset[str]:
         """The modules whose Zenoh runtime lives; whether their own loop runs is not known by that."""
+        return frozenset(module for module, _ in self._tokens.copy())
+
+    def alive_releases(self) -> frozenset[tuple[str, Release]]:
+        """Those modules, each with the release that it runs."""
         return frozenset(self._tokens.copy())
 
     def published(self) -> dict[tuple[str, int], int]:
@@ -219,12 +224,15 @@ class ZenohBus:
         return inbox
 
     def _on_token(self, sample: zenoh.Sample) -> None:
-        module = str(sample.key_expr).split("/")[1]
+        _, module, _, release_key = str(sample.key_expr).split("/", 3)
+        release = release_of_key(release_key)
+        if release is None:
+            return
         if sample.kind == zenoh.SampleKind.DELETE:
-            self._tokens.discard(module)
+            self._tokens.discard((module, release))
             self._ring()  # whoever watches over the modules must know
             return
-        self._tokens.add(module)
+        self._tokens.add((module, release))
         if self._recording is not None:
             self._recording.query_all()
         for key, inbox in self._inboxes.copy().items():

@@ -15,12 +15,13 @@ from typing import Any, Protocol
 import zenoh
 
 from common import bundle
-from common.access import alive_key
+from common.access import alive_key, alive_keys
 from common.codec import DecodeError, Envelope
 from common.command_gate import CommandGate
 from common.config import Config
 from common.messages import Topic
 from common.recording import MESSAGE_BYTES_MAX
+from common.release import own_release
 from common.signing import SIGNATURE_BYTES
 from common.undecodable import Undecodable
 from common.zenoh_session import (
@@ -139,11 +140,11 @@ class ZenohEnd:
 
     def declare_token(self, module: str) -> Any:
         """The module's liveliness token, for as long as the handle is kept."""
-        return self.session.liveliness().declare_token(f"{self._robot}/{alive_key(module)}")
+        return self.session.liveliness().declare_token(f"{self._robot}/{alive_key(module)}/{own_release().key}")
 
     def watch_tokens(self, receive: Callable[[zenoh.Sample], None]) -> Any:
         """Calls `receive` for every token that appears or goes; keep the handle."""
-        keys = f"{self._robot}/{alive_key('*')}"
+        keys = f"{self._robot}/{alive_keys('*')}"
         return self.session.liveliness().declare_subscriber(keys, direct(receive), history=True)
 
     def read(self, topic: Topic[Any], reader: Reader, *, as_command: bool = False) -> None:

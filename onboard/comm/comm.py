@@ -21,15 +21,17 @@ from common.errors import ErrorCode, StartError
 from common.fields import CHALLENGE_BYTES
 from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit, Topic
 from common.pace import Pace
+from common.release import Release, own_release
 from common.signing import CHALLENGE_PERIOD_S
 from common.status import StatusReporter
 from onboard.comm import stop_owner
 from onboard.comm.outbox import FILE_NAME, Outbox
+from onboard.comm.permit_file import PermitFile, permit_file
 from onboard.comm.spool import Spool, spool_folder
 from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_owner import BridgeReport, Phase
 from onboard.comm.stop_record import RECORD_NAME, Stop
-from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, silent_in_s, watch
+from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, release_faults, silent_in_s, watch
 
 OFFBOARD_WATCHED = "recorder"
 BRIDGE = "bridge"
@@ -46,6 +48,8 @@ class TokenBus(Protocol):
 
     def alive_tokens(self) -> frozenset[str]: ...
 
+    def alive_releases(self) -> frozenset[tuple[str, Release]]: ...
+
 
 @dataclass(slots=True)
 class _Heartbeat:
@@ -57,7 +61,7 @@ class Comm:
     """The node. `stops` keeps the stop over restarts; without it the robot forgets it with this process.
 
     `outbox` takes what goes to the recorder; without one nothing does. `new_challenge` draws what commands are signed
-    over; without one none need be signed.
+    over; without one none need be signed. `permit_file` is for `deploy`.
     """
 
     name = "comm"
@@ -72,6 +76,7 @@ class Comm:
         stops: StopKeeper | None = None,
         outbox: Outbox | None = None,
         new_challenge: Callable[[], bytes] | None = None,
+        permit_file: PermitFile | None = None,
     ) -> None:
         self._settings = settings
         self._stops = stops or StopKeeper(None)
@@ -81,6 +86,7 @@ class Comm:
         self._permit: Permit | None = None
         self._permit_pace = Pace(1.0 / PERMIT_RATE_HZ)
         self._new_challenge = new_challenge
+        self._permit_file = permit_file
         self._challenge = b""
         self._challenge_due_s = float("-inf")
         self._status = StatusReporter(self.name)
@@ -90,7 +96,8 @@ class Comm:
         self._stops.step(now_s)
         tokens = bus.alive_tokens() if isinstance(bus, TokenBus) else None
         readings = self._readings(bus, now_s, tokens)
-        self._watchdog, verdict = watch(self._watchdog or WatchdogState(started_s=now_s), readings, now_s)
+        faults = release_faults(bus.alive_releases(), own_release()) if isinstance(bus, TokenBus) else ()
+        self._watchdog, verdict = watch(self._watchdog or WatchdogState(started_s=now_s), readings, now_s, faults)
         self._publish_permit(bus, now_s, verdict)
         recorder_away = tokens is not None and OFFBOARD_WATCHED not in tokens
         self._report(bus, now_s, verdict, recorder_away)
@@ -102,6 +109,8 @@ class Comm:
         return min(due_s)
 
     def close(self) -> None:
+        if self._permit_file is not None:
+            self._permit_file.write(granted=False)
         self._stops.close()
         if self._outbox is not None:
             self._outbox.close()
@@ -164,6 +173,8 @@ class Comm:
         if self._new_challenge is not None and now_s >= self._challenge_due_s:
             self._challenge, self._challenge_due_s = self._new_challenge(), now_s + CHALLENGE_PERIOD_S
             permit = replace(permit, challenge=self._challenge)
+        if changed and self._permit_file is not None:
+            self._permit_file.write(granted=permit.granted)
         self._permit = permit
         bus.publish(PERMIT, permit)
 
@@ -213,4 +224,4 @@ def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
     outbox = Outbox(folder / FILE_NAME, config.comm.outbox_limit_mb * 1_000_000, spool=spool)
     new_challenge = (lambda: secrets.token_bytes(CHALLENGE_BYTES)) if config.mesh.keys else None
     stops = StopKeeper(folder / RECORD_NAME, life=secrets.randbits(LIFE_BITS))
-    return Comm(config.comm, stops, outbox, new_challenge)
+    return Comm(config.comm, stops, outbox, new_challenge, permit_file())

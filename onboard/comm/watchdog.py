@@ -10,10 +10,12 @@ permit that `Comm` withdraws: without a permit the robot stands.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from common.constants import STARTUP_GRACE_S, STATUS_RATE_HZ, WATCHDOG_CLEAR_S
+from common.modules import ON_ROBOT
+from common.release import Release
 
 # Two periods: with the period of comm and the way there, a frozen module costs less than the 250 ms that are allowed
 STATUS_AGE_MAX_S = 2.0 / STATUS_RATE_HZ
@@ -63,9 +65,20 @@ def silent_in_s(readings: Mapping[str, ModuleReading]) -> float:
     return min((STATUS_AGE_MAX_S - age_s for age_s in ages_s if age_s <= STATUS_AGE_MAX_S), default=float("inf"))
 
 
-def watch(state: WatchdogState, readings: Mapping[str, ModuleReading], now_s: float) -> tuple[WatchdogState, Verdict]:
-    """The next state and whether the required modules allow motion; `readings` names every required one."""
-    faults = [fault for module, reading in readings.items() if (fault := fault_of(module, reading))]
+def release_faults(releases: Iterable[tuple[str, Release]], own: Release) -> list[str]:
+    """Which modules on the robot have another message table than comm, in words for people."""
+    return [
+        f"{module} runs release {release.name}, comm release {own.name}"
+        for module, release in sorted(releases, key=lambda known: known[0])
+        if module in ON_ROBOT and release.messages != own.messages
+    ]
+
+
+def watch(
+    state: WatchdogState, readings: Mapping[str, ModuleReading], now_s: float, further_faults: Sequence[str] = ()
+) -> tuple[WatchdogState, Verdict]:
+    """The next state and whether the modules allow motion; `readings` names every required one."""
+    faults = [*further_faults, *(fault for module, reading in readings.items() if (fault := fault_of(module, reading)))]
     if not readings:
         faults = ["no module is required, so none can be sound"]
     starting = not state.ever_granted and now_s - state.started_s < STARTUP_GRACE_S

@@ -43,7 +43,7 @@ def test_a_viewer_publishes_nothing_and_a_board_receives_only_what_it_reads() ->
 
 def test_tokens_are_said_by_their_own_role_only() -> None:
     for module in ROBOT_SENDERS:
-        assert [role for role in ROLES if f"{module}/alive" in published_keys(role)] == [
+        assert [role for role in ROLES if f"{module}/alive/**" in published_keys(role)] == [
             "pi" if module == "poi" else "robot"
         ]
 
@@ -61,7 +61,7 @@ def test_every_key_that_may_be_heard_is_one_topic() -> None:
     """Of subscriptions with a name each nobody can make more than there are topics."""
     for role in ROLES:
         wild = [key for key in subscribed_keys(role) if "*" in key]
-        assert wild == ([] if role == "viewer" else ["*/alive"])
+        assert wild == ([] if role == "viewer" else ["*/alive/**"])
 
 
 @pytest.mark.parametrize("rules", [robot_rules("r"), laptop_rules("r")])
