@@ -24,6 +24,7 @@ from common.bus import Bus
 from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
 from common.config import Config, load_config
 from common.errors import StartError, sentence
+from common.memory import keep_what_is_there
 from common.messages import CLOCK, CLOCK_ACK, ClockAck, ClockTick
 from common.node import Node
 from common.node_loop import NodeLoop
@@ -148,6 +149,7 @@ class _Process:
             # One of them logs for all what Zenoh writes
             of_zenoh = None if self._loops else zenoh_output
             self._loops.append(NodeLoop(node, bus, clock, bus_log, of_zenoh, self._notifier))
+        keep_what_is_there()
 
     def _step_all(self, foreground: Foreground | None) -> int:
         """The loops, each in a thread of its own where there is more than one thing to run; the foreground here."""

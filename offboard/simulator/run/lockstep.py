@@ -15,6 +15,7 @@ from typing import TypeVar
 from common.bus import LocalBus, LocalMesh
 from common.config import Config, with_camera
 from common.errors import StartError
+from common.memory import keep_what_is_there
 from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView, Topic
 from common.node import Agenda, FileNode, Node
 from offboard.evaluate.run_text import HEADLINE, figures, progress
@@ -187,6 +188,7 @@ def simulate(options: RunOptions) -> int:
     folder = prepare_folder(options)
     recorder = Recorder(folder)
     robot = build(options, recorder)
+    keep_what_is_there()
     began_s = time.monotonic()
     try:
         view = _mission(robot, began_s)
