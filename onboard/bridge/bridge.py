@@ -222,7 +222,7 @@ class Bridge:
         car, epoch = self._car, self._gate.epoch
         if not self._may_move:
             if car is not None and self._stop is not None:
-                yield from self._holding(car, self._stop)
+                yield from self._hold(car, self._stop)
             return
         yield self._heartbeat, Hb((self._heartbeats + 1) % 65536, epoch)
         if car is None or self._stop is None:
@@ -243,7 +243,7 @@ class Bridge:
         known = car.boot == command.boot and (car.command_id == command.command_id or given_up)
         return None if known else command
 
-    def _holding(self, car: CarSta, stop: Stp) -> Iterator[tuple[Pace, Message | None]]:
+    def _hold(self, car: CarSta, stop: Stp) -> Iterator[tuple[Pace, Message | None]]:
         """The board stands, and knows the newest stop too."""
         stopped = bool(self._gate.stop_sources)
         if (stopped or car.state in _WORKING) and not car.stop_latched:
