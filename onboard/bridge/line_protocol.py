@@ -7,14 +7,35 @@ from __future__ import annotations
 
 import binascii
 import re
+from itertools import islice
+from operator import le
 from typing import NamedTuple
 
 from onboard.bridge.protocol import LAYOUT, MAX_LINE, Message
 
 _FRAME = re.compile(rb"([A-Z]{2,3})_([A-Z]{2,3})_(0|[1-9]\d{0,9})_([A-Z]+)((?:,-?\d{1,10})*)\*([0-9A-F]{4})")
-_BY_HEADER = {layout[:3]: (kind, layout[3]) for kind, layout in LAYOUT.items()}
 _PREFIX = {kind: (f"{sender}_{receiver}_", name) for kind, (sender, receiver, name, _) in LAYOUT.items()}
 _TIME_MODULUS = 1 << 32
+
+
+class _Form(NamedTuple):
+    """How the numbers of a line become a message."""
+
+    kind: type[Message]
+    minima: tuple[int, ...]  # of every number
+    maxima: tuple[int, ...]
+    lengths: tuple[int, ...]  # numbers in each field; empty where every field is one number
+
+
+def _form(kind: type[Message]) -> _Form:
+    fields = LAYOUT[kind][3]
+    lengths = tuple(field.length for field in fields)
+    minima = tuple(field.minimum for field in fields for _ in range(field.length))
+    maxima = tuple(field.maximum for field in fields for _ in range(field.length))
+    return _Form(kind, minima, maxima, lengths if max(lengths) > 1 else ())
+
+
+_BY_HEADER = {tuple(word.encode() for word in layout[:3]): _form(kind) for kind, layout in LAYOUT.items()}
 
 
 class Received(NamedTuple):
@@ -45,21 +66,17 @@ def decode(line: bytes) -> Received | None:
     frame = _FRAME.fullmatch(line)
     if frame is None or crc16(line[:-5]) != int(frame[6], 16):
         return None
-    kind, fields = _BY_HEADER.get((frame[1].decode(), frame[2].decode(), frame[4].decode()), (None, ()))
-    if kind is None:
+    form = _BY_HEADER.get((frame[1], frame[2], frame[4]))
+    if form is None:
         return None
     numbers = [int(number) for number in frame[5].split(b",")[1:]]
-    if len(numbers) != sum(field.length for field in fields):
+    if len(numbers) != len(form.minima):
         return None
-    values: list[int | tuple[int, ...]] = []
-    at = 0
-    for field in fields:
-        part = numbers[at : at + field.length]
-        at += field.length
-        if min(part) < field.minimum or max(part) > field.maximum:
-            return None
-        values.append(part[0] if field.length == 1 else tuple(part))
-    message: Message = kind(*values)  # type: ignore[arg-type]
+    if not (all(map(le, form.minima, numbers)) and all(map(le, numbers, form.maxima))):
+        return None
+    rest = iter(numbers)
+    values = [next(rest) if n == 1 else tuple(islice(rest, n)) for n in form.lengths] or numbers
+    message: Message = form.kind._make(values)
     return Received(int(frame[3]), message)
 
 
