@@ -17,6 +17,7 @@ from onboard.planner.grid.grid_map import GridMap
 STEER_MAX_RAD = radians(10.0)
 DIRECTIONS_MIN = 30  # of halls, before anything is inferred about the building
 RIGHT_ANGLES_SHARE = 0.6
+POINTS_MIN = 15  # on a wall
 FOLLOW_SHARE = 0.15  # of the difference to the wall's direction, each time it is seen
 OPENING_PATIENCE_M = 1.0  # of driving between two looks for an opening on the right
 
@@ -75,29 +76,36 @@ def hall_direction_rad(points: Points, pose: Pose2, heading_rad: float) -> float
     Least squares over the wall points (N, 2), again without those that lie off; None where there is no plain wall.
     """
     c, s = cos(heading_rad), sin(heading_rad)
-    d = points - np.array([pose.x_m, pose.y_m])
-    along, side = d[:, 0] * c + d[:, 1] * s, -d[:, 0] * s + d[:, 1] * c
+    x, y = points[:, 0] - pose.x_m, points[:, 1] - pose.y_m
+    along, side = x * c + y * s, y * c - x * s
     near = (along > -3.0) & (along < 1.0)
     for sign in (-1.0, 1.0):
-        mine = near & (side * sign > 0.2) & (side * sign < 3.5)
-        if mine.sum() < 15:
-            continue
-        x, y = along[mine], side[mine]
-        keep = np.abs(y - np.median(y)) < 0.3
-        for _ in range(3):
-            if keep.sum() < 15 or np.ptp(x[keep]) < 1.2:
-                break
-            slope, offset = _line_through(x[keep], y[keep])
-            keep = np.abs(y - slope * x - offset) < 0.06
-        else:
-            if keep.mean() > 0.6 and abs(slope) < 0.36:
-                return wrap_angle(heading_rad + atan2(float(slope), 1.0))
+        off = side * sign
+        mine = near & (off > 0.2) & (off < 3.5)
+        slope = _wall_slope(along[mine], side[mine])
+        if slope is not None and abs(slope) < 0.36:
+            return wrap_angle(heading_rad + atan2(slope, 1.0))
     return None
+
+
+def _wall_slope(x: FloatArray, y: FloatArray) -> float | None:
+    """Of the straight wall that most of the points (N,) lie on; None where there is none."""
+    if len(x) < POINTS_MIN:
+        return None
+    keep = np.abs(y - np.partition(y, len(y) // 2)[len(y) // 2]) < 0.3  # of the median
+    slope = 0.0
+    for _ in range(3):
+        on_wall = x[keep]
+        if len(on_wall) < POINTS_MIN or on_wall.max() - on_wall.min() < 1.2:
+            return None
+        slope, offset = _line_through(on_wall, y[keep])
+        keep = np.abs(y - slope * x - offset) < 0.06
+    return slope if np.count_nonzero(keep) > 0.6 * len(x) else None
 
 
 def _line_through(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Slope and offset of the line through points (N,), by least squares."""
-    x0, y0 = x.mean(), y.mean()
+    x0, y0 = float(x.sum()) / len(x), float(y.sum()) / len(y)
     d = x - x0
-    slope = float(d @ (y - y0) / (d @ d))
-    return slope, float(y0 - slope * x0)
+    slope = float(d @ (y - y0)) / float(d @ d)
+    return slope, y0 - slope * x0

@@ -155,7 +155,7 @@ def straight_reach_m(grid: GridMap, pose: Pose2, heading_rad: float, obstacles: 
         (pose.x_m, pose.y_m), (pose.x_m + STRAIGHT_MAX_M * along[0], pose.y_m + STRAIGHT_MAX_M * along[1])
     )
     tight = grid.clearance_m((rows, columns)) < STAND_CLEARANCE_M
-    distance = np.linspace(0.0, STRAIGHT_MAX_M, len(rows))
+    distance = np.arange(len(rows)) * (STRAIGHT_MAX_M / (len(rows) - 1))
     for x_m, y_m in obstacles:
         tight |= np.hypot(pose.x_m + distance * along[0] - x_m, pose.y_m + distance * along[1] - y_m) < BLOCK_RADIUS_M
     tight &= distance > STRAIGHT_BEGIN_M

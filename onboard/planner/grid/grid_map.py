@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import hypot
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M
-from common.geometry import Points
+from common.geometry import FloatArray, Points
 from common.grid_cells import FREE, UNKNOWN, WALL
 
 CLEARANCE_MAX_CELLS = 16
@@ -131,11 +132,18 @@ class GridMap:
 
     def line(self, a: tuple[float, float], b: tuple[float, float]) -> tuple[npt.NDArray[np.int64], ...]:
         """Rows and columns of the cells from position a to position b, clipped to the grid."""
-        steps = min(max(int(np.hypot(b[0] - a[0], b[1] - a[1]) / (0.6 * self.cell_m)), 1), LINE_STEPS_MAX)
-        f = np.linspace(0.0, 1.0, steps + 1)
-        columns = ((a[0] + f * (b[0] - a[0]) - self.origin_x_m) / self.cell_m).astype(np.int64)
-        rows = ((a[1] + f * (b[1] - a[1]) - self.origin_y_m) / self.cell_m).astype(np.int64)
-        return np.clip(rows, 0, self.cells.shape[0] - 1), np.clip(columns, 0, self.cells.shape[1] - 1)
+        steps = min(max(int(hypot(b[0] - a[0], b[1] - a[1]) / (0.6 * self.cell_m)), 1), LINE_STEPS_MAX)
+        f = np.arange(steps + 1) / steps
+        return self._clipped(a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1]))
+
+    def _clipped(self, x_m: FloatArray, y_m: FloatArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Rows and columns of the cells at positions of any shape, or of those at the border beside them."""
+        columns = ((x_m - self.origin_x_m) / self.cell_m).astype(np.int64)
+        rows = ((y_m - self.origin_y_m) / self.cell_m).astype(np.int64)
+        for cells, count in ((rows, self.cells.shape[0]), (columns, self.cells.shape[1])):
+            np.maximum(cells, 0, out=cells)
+            np.minimum(cells, count - 1, out=cells)
+        return rows, columns
 
     def sees(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
         """No wall between two positions."""
@@ -147,11 +155,8 @@ class GridMap:
         d = b - a
         steps = np.clip(np.hypot(d[:, 0], d[:, 1]) / (0.6 * self.cell_m), 1, LINE_STEPS_MAX).astype(np.int64)
         f = np.minimum(np.arange(int(steps.max(initial=1)) + 1) / steps[:, None], 1.0)
-        columns = ((a[:, :1] + f * d[:, :1] - self.origin_x_m) / self.cell_m).astype(np.int64)
-        rows = ((a[:, 1:] + f * d[:, 1:] - self.origin_y_m) / self.cell_m).astype(np.int64)
-        np.clip(rows, 0, self.cells.shape[0] - 1, out=rows)
-        np.clip(columns, 0, self.cells.shape[1] - 1, out=columns)
-        free: Mask = (self.cells[rows, columns] != WALL).all(axis=1)
+        lines = self._clipped(a[:, :1] + f * d[:, :1], a[:, 1:] + f * d[:, 1:])
+        free: Mask = (self.cells[lines] != WALL).all(axis=1)
         return free
 
 

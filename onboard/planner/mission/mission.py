@@ -9,7 +9,7 @@ or goes on with its leg.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, hypot, inf, pi, sin
 from typing import Any
 
 from common.geometry import Pose2, wrap_angle
@@ -49,7 +49,8 @@ class Mission:
         self._hall = HallFollowing()
         self._looking = Looking()
         self._target: tuple[float, float] = (0.0, 0.0)
-        self._last_s: float | None = None
+        self._now_s = -inf
+        self._judged: tuple[int, Pose2] | None = None  # grid and place where the leg was found worth going on
         self._stillness = Stillness()
         self._imaging = WallImaging() if images_walls else None
         self._choice = GoalChoice(self._frontiers, self._hall, self._imaging)
@@ -154,8 +155,7 @@ class Mission:
 
     def step(self, view: View) -> Motion:
         """The motion that is wanted now."""
-        dt_s = view.now_s - self._last_s if self._last_s is not None else 0.0
-        self._last_s = view.now_s
+        dt_s, self._now_s = view.now_s - self._now_s, view.now_s
         self._frontiers.forget(view.now_s)
         if self._imaging is not None:
             self._imaging.look(view.grid, view.pose)
@@ -192,7 +192,7 @@ class Mission:
             return step
         self.state = step.state
         if step.moves:
-            self.path, self._wall_due = [], False
+            self.path, self._wall_due, self._judged = [], False, None
             self.abandon()
         if (event is not Event.RETRY and step.state != self._noted) or event in CHOICES:
             self._noted = step.state
@@ -249,7 +249,7 @@ class Mission:
 
     def _set_out(self, view: View, goal: Goal) -> None:
         if goal.event in (Event.TURN, Event.LIST_UNSURE):
-            self._look(goal.event, goal.heading_rad, view.now_s, why=goal.why)
+            self._look(goal.event, goal.heading_rad, self._now_s, why=goal.why)  # the view is as old as the choice
             return
         self._happens(goal.event, goal.why)
         if goal.event is Event.AHEAD:
@@ -261,16 +261,28 @@ class Mission:
         """Straight on along a hall or a wall, as long as that shows something new."""
         pose = view.pose
         self._hall.see(view.points, pose)
-        if self.mode is Mode.STRAIGHT:
-            opening = self._hall.opening_passed(view.grid, self._frontiers.frontier, pose)
-            if opening is not None and not self.deliberates:
-                self._deliberate(self._enter_opening(view, as_set(opening)))
-        elif self._imaging is not None:
-            self._imaging.settle(view.grid, pose)
-        if view.front_is_near or not self._leg_shows_new(view):
+        if view.front_is_near or not (self._is_judged(view) or self._judge_leg(view)):
             self._end_leg(view)
             return Motion(Speed.STOP, pose.heading_rad)
         return Motion(Speed.MEDIUM, self._hall.steered_rad(pose, view.left_m, view.right_m))
+
+    def _is_judged(self, view: View) -> bool:
+        """Was the leg found worth going on, on this grid and from less than half a cell away?"""
+        if self._judged is None:
+            return False
+        revision, pose = self._judged
+        return revision == view.grid_revision and pose.distance_m(view.pose) < view.grid.cell_m / 2
+
+    def _judge_leg(self, view: View) -> bool:
+        """Is it worth going on? By the way, what the leg passes is noticed."""
+        self._judged = (view.grid_revision, view.pose)
+        if self.mode is Mode.STRAIGHT:
+            opening = self._hall.opening_passed(view.grid, self._frontiers.frontier, view.pose)
+            if opening is not None and not self.deliberates:
+                self._deliberate(self._enter_opening(view, as_set(opening)))
+        elif self._imaging is not None:
+            self._imaging.settle(view.grid, view.pose)
+        return self._leg_shows_new(view)
 
     def _leg_shows_new(self, view: View) -> bool:
         leg = replace(view.pose, heading_rad=self._hall.heading_rad)
