@@ -10,6 +10,7 @@ SENSOR_RATE_HZ = 10.0  # K_Sensor_Update_Frequency
 POSE_RATE_HZ = 10.0  # K_Pose_Map_Update_Frequency
 MAP_RATE_MAX_HZ = 2.0  # k_update_frequency, on change
 STATUS_RATE_HZ = 10.0  # k_log_period
+BOARD_RATE_HZ = 0.2  # load, temperature and disk of a computer
 
 # Speeds and turning
 SPEED_MEDIUM_M_S = 0.16  # k_medium_speed, ENUM_SPEED.MEDIUM, K_system_Speed

@@ -61,6 +61,8 @@ MetresPerSecond = Annotated[float, Within(-100.0, 100.0)]
 Spread = Annotated[float, Within(0.0, inf)]  # a standard deviation; infinite where nothing is known
 Share = Annotated[float, Within(0.0, 1.0)]
 Volts = Annotated[float, Within(0.0, 100.0)]
+Load = Annotated[float, Within(0.0, 1e4)]  # programs that want a core
+Celsius = Annotated[float, Within(-100.0, 300.0, or_nan=True)]  # NaN where nothing measures it
 SquareMetres = Annotated[float, Within(0.0, 1e10)]
 
 Ticks = Annotated[int, Within(-(2**31), 2**31 - 1)]  # as the board counts them

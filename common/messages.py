@@ -14,12 +14,20 @@ from enum import Enum, IntEnum
 from functools import cached_property
 from typing import Annotated, Generic, TypeVar
 
-from common.constants import MAP_RATE_MAX_HZ, PERMIT_RATE_HZ, POSE_RATE_HZ, SENSOR_RATE_HZ, STATUS_RATE_HZ
+from common.constants import (
+    BOARD_RATE_HZ,
+    MAP_RATE_MAX_HZ,
+    PERMIT_RATE_HZ,
+    POSE_RATE_HZ,
+    SENSOR_RATE_HZ,
+    STATUS_RATE_HZ,
+)
 from common.fields import (
     GRID_CELLS_MAX,
     Boot,
     BootIds,
     CellSize,
+    Celsius,
     Challenge,
     CommandId,
     Count,
@@ -29,6 +37,7 @@ from common.fields import (
     GridBytes,
     GridSide,
     Identity,
+    Load,
     MapPoints,
     MapStart,
     Marks,
@@ -365,6 +374,21 @@ class Status:
 
 
 @dataclass(frozen=True, slots=True)
+class BoardState:
+    """How a computer of the robot is: what a person looks at before trusting it with a long run."""
+
+    t_s: Seconds
+    name: Word  # as the computer calls itself
+    release: Word  # of the programs; empty where they are no release
+    uptime_s: Seconds
+    load: Load  # mean of a minute
+    temperature_c: Celsius  # of its hottest part
+    disk_free_mb: Count  # where it keeps what must outlive a restart
+    wall_s: Seconds  # since 1970 by its own clock: the laptop judges by its own how far off that is
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class LogLine:
     t_s: Seconds
     level: Word
@@ -540,6 +564,11 @@ RECEIPT = _topic(
 CLOCK = _topic("clock/time", ClockTick, 0.0, QosProfile.COMMAND, "", note="only under `local --speed`")
 CLOCK_ACK = _topic("clock/ack", ClockAck, 0.0, QosProfile.COMMAND, "", note="only under `local --speed`")
 
+# Who reports for the board that it runs on
+BOARD: dict[str, Topic[BoardState]] = {
+    module: _topic(f"{module}/board", BoardState, BOARD_RATE_HZ, QosProfile.LATEST, "command_center")
+    for module in ("comm", "poi")
+}
 STATUS: dict[str, Topic[Status]] = {}
 LOG: dict[str, Topic[LogLine]] = {}
 for _module in (module.name for module in MODULES):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import secrets
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -20,6 +21,7 @@ import numpy as np
 from common.bus import Bus
 from common.codec import as_text
 from common.messages import (
+    BOARD,
     CARRIER,
     LOG,
     MAP,
@@ -40,6 +42,7 @@ from common.messages import (
 )
 from common.status import StatusReporter
 from offboard.command_center import operations
+from offboard.command_center.board_watch import BoardRow, board_row
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry
 from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
 from offboard.command_center.operations import Answer, PendingOperation
@@ -60,7 +63,8 @@ _log = logging.getLogger("command_center")
 
 
 class CommandCenter:
-    """The node. `clock` is the time that `step` is given too: people press keys between two steps.
+    """The node. `clock` is the time that `step` is given too: people press keys between two steps. The clocks of the
+    robot's computers are compared with `wall_clock` (s since 1970).
 
     `findings`: points of interest by their id that were found before this program was started.
     """
@@ -69,9 +73,14 @@ class CommandCenter:
     period_s = 0.05
     wakes_on: tuple[Topic[Any], ...] = ()
 
-    def __init__(self, clock: Callable[[], float], findings: Mapping[int, Finding] | None = None) -> None:
+    def __init__(
+        self,
+        clock: Callable[[], float],
+        findings: Mapping[int, Finding] | None = None,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:
         self.stop_desk = StopDesk(clock)
-        self._clock = clock
+        self._clock, self._wall_clock = clock, wall_clock
         self._lock = threading.Lock()  # all that `step` collects and the screen reads
         self._snapshot = Snapshot(clock())
         self._status = StatusReporter(self.name)
@@ -106,6 +115,7 @@ class CommandCenter:
             self._snapshot = Snapshot(
                 now_s,
                 rows=tuple(self._row(bus, module, now_s) for module in STATUS),
+                boards=self._boards(bus),
                 control=control,
                 report=report,
                 permit=bus.latest(PERMIT),
@@ -194,6 +204,11 @@ class CommandCenter:
         topic, meter = STATUS[module], self._rates[module]
         meter.add(len(self._take(bus, topic, now_s)), now_s)
         return ModuleRow(module, bus.latest(topic), bus.age_s(topic), meter.rate_hz(now_s))
+
+    def _boards(self, bus: Bus) -> tuple[BoardRow, ...]:
+        wall_s = self._wall_clock()
+        states = ((bus.latest(topic), bus.age_s(topic)) for topic in BOARD.values())
+        return tuple(board_row(state, age_s, wall_s) for state, age_s in states if state is not None)
 
     def _redraw_trail(self, trajectory: Trajectory) -> None:
         """The past was corrected, or this program has just joined."""

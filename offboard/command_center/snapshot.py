@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.messages import CarrierReport, Permit, PlannerView, PoseEstimate
+from offboard.command_center.board_watch import BoardRow
 from offboard.command_center.module_watch import ModuleRow
 from offboard.command_center.operations import Answer
 from offboard.command_center.software_stop import Look, RobotReport, StopControl, look
@@ -38,6 +39,7 @@ class Snapshot:
 
     now_s: float
     rows: tuple[ModuleRow, ...] = ()
+    boards: tuple[BoardRow, ...] = ()  # that have reported
     control: StopControl = field(default_factory=StopControl)
     report: RobotReport = field(default_factory=RobotReport)
     permit: Permit | None = None

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from common.board_state import BoardReporter
 from common.bus import Bus
 from common.config import CommSection, Config
 from common.constants import PERMIT_RATE_HZ
@@ -61,7 +62,8 @@ class Comm:
     """The node. `stops` keeps the stop over restarts; without it the robot forgets it with this process.
 
     `outbox` takes what goes to the recorder; without one nothing does. `new_challenge` draws what commands are signed
-    over; without one none need be signed. `permit_file` is for `deploy`.
+    over; without one none need be signed. `permit_file` is for `deploy`. `board` reports on the
+    computer.
     """
 
     name = "comm"
@@ -77,10 +79,12 @@ class Comm:
         outbox: Outbox | None = None,
         new_challenge: Callable[[], bytes] | None = None,
         permit_file: PermitFile | None = None,
+        board: BoardReporter | None = None,
     ) -> None:
         self._settings = settings
         self._stops = stops or StopKeeper(None)
         self._outbox = outbox
+        self._board = board
         self._watchdog: WatchdogState | None = None
         self._heartbeats: dict[str, _Heartbeat] = {}
         self._permit: Permit | None = None
@@ -106,6 +110,8 @@ class Comm:
         if self._outbox is not None:
             self._outbox.step(bus, now_s)
             due_s.append(self._outbox.due_s(now_s))
+        if self._board is not None:
+            self._board.report(bus, now_s)
         return min(due_s)
 
     def close(self) -> None:
@@ -224,4 +230,4 @@ def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
     outbox = Outbox(folder / FILE_NAME, config.comm.outbox_limit_mb * 1_000_000, spool=spool)
     new_challenge = (lambda: secrets.token_bytes(CHALLENGE_BYTES)) if config.mesh.keys else None
     stops = StopKeeper(folder / RECORD_NAME, life=secrets.randbits(LIFE_BITS))
-    return Comm(config.comm, stops, outbox, new_challenge, permit_file())
+    return Comm(config.comm, stops, outbox, new_challenge, permit_file(), BoardReporter(Comm.name, folder))

@@ -2,7 +2,9 @@
 
 import argparse
 import sys
+from pathlib import Path
 
+from common.board_state import BoardReporter
 from common.config import Config
 from common.process import run
 from onboard.poi.camera.frame_source import open_source
@@ -10,9 +12,11 @@ from onboard.poi.poi import Poi, reader_of
 from onboard.poi.signs.reading_job import reading_beside
 
 
-def make_poi(config: Config, _: argparse.Namespace) -> Poi:
+def make_poi(config: Config, arguments: argparse.Namespace) -> Poi:
     """Raises StartError when there is no such camera."""
-    return Poi(config.poi, open_source(config.poi.source), reading_beside(lambda: reader_of(config.poi)))
+    reading = reading_beside(lambda: reader_of(config.poi))
+    board = BoardReporter(Poi.name, arguments.log_dir or Path.cwd())
+    return Poi(config.poi, open_source(config.poi.source), reading, board)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import hypot, radians
 from typing import Any
 
+from common.board_state import BoardReporter
 from common.bus import Bus
 from common.config import PoiSection
 from common.errors import ErrorCode
@@ -57,16 +58,21 @@ class _Published:
 
 
 class Poi:
-    """Node "poi". `worker` decides whether it reads beside the loop or in simulated time."""
+    """Node "poi". `worker` decides whether it reads beside the loop or in simulated time; `board` reports on the
+    computer.
+    """
 
     name = "poi"
     period_s = 0.05
     wakes_on: tuple[Topic[Any], ...] = ()
 
-    def __init__(self, section: PoiSection, source: FrameSource, worker: ReadingWorker) -> None:
+    def __init__(
+        self, section: PoiSection, source: FrameSource, worker: ReadingWorker, board: BoardReporter | None = None
+    ) -> None:
         boxes = tuple(ColourBox.parse(text) for text in section.door_colours)
         self._survey = Survey(source, worker, boxes, radians(section.field_of_view_deg))
         self._status = StatusReporter(self.name)
+        self._board = board
         self._retake = Retake()
         self._photos_before = 0
         self._visits: list[WallPoint] = []
@@ -91,6 +97,8 @@ class Poi:
                 self._publish_records(bus, now_s, pose, doors)
                 self._request_retake(bus, now_s, pose, doors)
         self._report(bus, now_s, stopped)
+        if self._board is not None:
+            self._board.report(bus, now_s)
 
     def close(self) -> None:
         self._survey.close()

@@ -18,6 +18,7 @@ from common.bus import LocalMesh
 from common.codec import decode
 from common.errors import ErrorCode
 from common.messages import (
+    BOARD,
     CARRIER,
     LOG,
     MAP,
@@ -29,6 +30,7 @@ from common.messages import (
     POSE,
     STATUS,
     STOP,
+    BoardState,
     CarrierReport,
     CarrierState,
     LogLine,
@@ -49,6 +51,7 @@ from offboard.command_center.command_center import CommandCenter
 
 TICK_S = 0.05
 BRAKING_S = 0.2
+EPOCH_S = 1_700_000_000.0  # when the rig was switched on
 SPEAKING = ("sim", "car", "bridge", "mmu", "planner", "comm", "recorder")
 
 
@@ -76,7 +79,7 @@ class Rig:
         self.mesh = Wire()
         self.bus = self.mesh.endpoint("command_center")
         self.robot = self.mesh.endpoint("robot")
-        self.node = CommandCenter(lambda: self.mesh.now_s)
+        self.node = CommandCenter(lambda: self.mesh.now_s, wall_clock=lambda: EPOCH_S + self.mesh.now_s)
         self.silent: set[str] = set()
         self.errors: dict[str, ErrorCode] = {}
         self.sources: set[str] = set()
@@ -113,6 +116,9 @@ class Rig:
 
     def log(self, module: str, level: str, text: str) -> None:
         self.robot.publish(LOG[module], LogLine(self.now_s, level, text))
+
+    def report_board(self, module: str, state: BoardState) -> None:
+        self.robot.publish(BOARD[module], state)
 
     def find_door(self, number: str, x_m: float, y_m: float) -> None:
         door = PointOfInterest(self.now_s, int(number), "Door", number, x_m, y_m, number, "OFFICE", 0.9, "read")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -11,13 +12,13 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from common.errors import ERRORS, ErrorCode
-from common.messages import PERMIT, POI, Operation, PointOfInterest
+from common.messages import PERMIT, POI, BoardState, Operation, PointOfInterest
 from common.modules import MODULES
 from offboard.command_center.actions import KEEP_MESH
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.screens.guarded import Guarded
 from offboard.command_center.software_stop import Look
-from tests.terminal.rig import Rig, piloted
+from tests.terminal.rig import EPOCH_S, Rig, piloted
 
 SIZE = (150, 40)
 
@@ -59,6 +60,30 @@ async def test_a_row_per_module_shows_state_error_with_meaning_and_action_memory
         blocked = ERRORS[ErrorCode.BLOCKED]
         assert cell(app, "planner", "error") == f"503 {blocked.meaning} → {blocked.action}"
         assert cell(app, "poi", "age") == "no message"
+
+
+@piloted
+async def test_a_line_per_board_shows_release_uptime_load_heat_disk_and_how_far_off_its_clock_is(
+    tmp_path: Path,
+) -> None:
+    rig = Rig()
+    app = rig.app(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(rig, app, pilot)
+        assert not app.main.boards.display
+        beaglebone = BoardState(0.0, "beaglebone", "2026-11-22", 90_000.0, 0.42, nan, 1_234, EPOCH_S + rig.now_s - 60.0)
+        raspberry = BoardState(0.0, "raspberry", "", 59.0, 3.5, 85.0, 150, EPOCH_S + rig.now_s)
+        rig.report_board("comm", beaglebone)
+        rig.report_board("poi", raspberry)
+        await settle(rig, app, pilot)
+        first, second = (" ".join(line.split()) for line in str(app.main.boards.render()).splitlines())
+        for words in ("beaglebone", "2026-11-22", "up 1 d 1 h", "load 0.42", "heat –", "free 1.2", "clock -60.0 s"):
+            assert words in first
+        for words in ("raspberry", "none", "up 59.0 s", "heat 85 °C", "clock +0.0 s"):
+            assert words in second
+        assert "ago" not in first + second
+        await settle(rig, app, pilot, 20.0)
+        assert "as of 21.0 s ago" in str(app.main.boards.render())
 
 
 @piloted

@@ -18,6 +18,7 @@ from common.messages import STATUS
 from offboard.command_center.log_book import LEVELS, LogBook, LogEntry, LogFilter
 from offboard.command_center.screens.guarded import Guarded
 from offboard.command_center.snapshot import FloorPicture, Snapshot
+from offboard.command_center.widgets.board_lines import BoardLines
 from offboard.command_center.widgets.log_view import LogView
 from offboard.command_center.widgets.map_panel import MapPanel
 from offboard.command_center.widgets.module_table import ModuleTable
@@ -33,6 +34,7 @@ class MainScreen(Guarded, Screen[None]):
         super().__init__()
         self.modules = ModuleTable()
         self.robot = RobotPanel(page)
+        self.boards = BoardLines()
         self.map = MapPanel()
         self.log_view = LogView(LogBook())
         self.search = Input(placeholder="regular expression; enter keeps it, esc clears it", id="search")
@@ -42,6 +44,7 @@ class MainScreen(Guarded, Screen[None]):
         with Horizontal(id="upper"):
             yield self.modules
             yield self.robot
+        yield self.boards
         with Horizontal(id="lower"):
             yield self.log_view
             yield self.map
@@ -49,12 +52,13 @@ class MainScreen(Guarded, Screen[None]):
         yield Footer(compact=True, show_command_palette=True)
 
     def on_mount(self) -> None:
-        self.search.display = False
+        self.search.display = self.boards.display = False
         self.modules.focus()
 
     def show(self, snapshot: Snapshot) -> None:
         self.modules.show(snapshot)
         self.robot.show(snapshot)
+        self.boards.show(snapshot)
 
     def show_floor(self, picture: FloorPicture) -> None:
         if self.map.display:
