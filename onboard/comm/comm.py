@@ -98,9 +98,10 @@ class Comm:
     def step(self, bus: Bus, now_s: float) -> float:
         self._take_stops(bus)
         self._stops.step(now_s)
-        tokens = bus.alive_tokens() if isinstance(bus, TokenBus) else None
+        mesh = bus if isinstance(bus, TokenBus) else None
+        tokens = mesh.alive_tokens() if mesh is not None else None
         readings = self._readings(bus, now_s, tokens)
-        faults = release_faults(bus.alive_releases(), own_release()) if isinstance(bus, TokenBus) else ()
+        faults = release_faults(mesh.alive_releases(), own_release()) if mesh is not None else ()
         self._watchdog, verdict = watch(self._watchdog or WatchdogState(started_s=now_s), readings, now_s, faults)
         self._publish_permit(bus, now_s, verdict)
         recorder_away = tokens is not None and OFFBOARD_WATCHED not in tokens
