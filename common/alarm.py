@@ -1,49 +1,43 @@
-"""What a node's loop sleeps on: it is rung by the threads of the bus, by a signal, or by bytes at a file."""
+"""What a loop sleeps on: it is rung by the threads of the bus, or by bytes at a file."""
 
 from __future__ import annotations
 
 import os
 import select
-from collections.abc import Callable
 from contextlib import suppress
 
 _FOREVER_S = 0.25  # longest sleep: a stop that rings nothing is noticed then
 
 
 class Alarm:
-    """Any thread may ring it; one thread waits. `fileno` gives the file to watch too, None where there is none now."""
+    """Any thread may ring it; one thread waits."""
 
-    def __init__(self, fileno: Callable[[], int | None] = lambda: None) -> None:
-        self._fileno = fileno
+    def __init__(self) -> None:
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._poll = select.poll()
         self._poll.register(self._event, select.POLLIN)
         self._watched: int | None = None
-        self._rung = False
-        self.woke = False  # it had rung, or the file had something, at the last reset
+        self.rung = False  # since the last reset
 
     def ring(self) -> None:
         """Ends the wait that runs, or the next one."""
-        if not self._rung:
-            self._rung = True
+        if not self.rung:
+            self.rung = True
             with suppress(OSError):  # closed: nobody waits any more
                 os.eventfd_write(self._event, 1)
 
-    def wait(self, timeout_s: float) -> bool:
-        """At most so long; True when it was rung or the file has something, also since the last `reset`."""
-        if self._rung:
-            return True
-        self._watch(self._fileno())
-        for file, _ in self._poll.poll(1000.0 * min(max(timeout_s, 0.0), _FOREVER_S)):
-            if file == self._watched:
-                self._rung = True
-        return self._rung
+    def wait(self, timeout_s: float, file: int | None = None) -> bool:
+        """At most so long, until it is rung or the file has something; True for the file."""
+        self._watch(file)
+        ready = self._poll.poll(1000.0 * min(max(timeout_s, 0.0), _FOREVER_S))
+        return any(descriptor == file for descriptor, _ in ready)
 
     def reset(self) -> None:
         """To be called before what has rung is looked at."""
-        self.woke, self._rung = self._rung, False
-        with suppress(BlockingIOError):
-            os.eventfd_read(self._event)
+        if self.rung:
+            self.rung = False
+            with suppress(BlockingIOError):
+                os.eventfd_read(self._event)
 
     def close(self) -> None:
         os.close(self._event)

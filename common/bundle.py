@@ -19,7 +19,7 @@ for _topic in TOPICS:
     if _topic.bundle_key:
         _TOPICS_OF.setdefault(_topic.bundle_key, {})[_topic.key] = _topic
 
-Packed = tuple[str, bytes]  # topic key, encoded message
+Packed = tuple[str, bytes, bool]  # topic key, encoded message, whether it is news
 
 
 def pack(messages: Sequence[Packed]) -> bytes:
@@ -38,9 +38,9 @@ def unpack(bundle_key: str, data: bytes) -> list[Packed]:
         raise DecodeError("not a bundle")
     topics = _TOPICS_OF[bundle_key]
     for message in messages:
-        if not (isinstance(message, tuple) and len(message) == 2 and isinstance(message[1], bytes)):
+        if not (isinstance(message, tuple) and [type(part) for part in message] == [str, bytes, bool]):
             raise DecodeError("not a bundle")
-        if not (isinstance(message[0], str) and message[0] in topics):
+        if message[0] not in topics:
             raise DecodeError("a message that does not belong into this bundle")
     return list(messages)
 

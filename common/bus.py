@@ -28,8 +28,11 @@ UNFIT = "not published"
 class Bus(Protocol):
     """What a node can do with the mesh. Ages are judged by arrival, on the clock of the receiver."""
 
-    def publish(self, topic: Topic[P], payload: P) -> None:
-        """A payload that violates its type is not sent, but counted and reported in this process's log: `UNFIT`."""
+    def publish(self, topic: Topic[P], payload: P, *, news: bool = True) -> None:
+        """`news`: False where it repeats what was published before, which makes no step of a reader due.
+
+        A payload that violates its type is not sent, but counted and reported in this process's log: `UNFIT`.
+        """
 
     def latest(self, topic: Topic[P]) -> P | None:
         """The newest message of a topic, or None when none came yet."""
@@ -85,11 +88,11 @@ class LocalMesh:
         self._endpoints.append(bus)
         return bus
 
-    def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage) -> None:
+    def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage, *, news: bool) -> None:
         for endpoint in self._endpoints:
             if topic.key in endpoint.recorded_keys:
                 endpoint.recorded.append(message)
-            endpoint._receive(topic, payload)
+            endpoint._receive(topic, payload, news)
 
 
 class LocalBus:
@@ -109,10 +112,10 @@ class LocalBus:
         self.woken = False  # a message came of those to wake on
 
     def wake_on(self, topics: Iterable[Topic[Any]]) -> None:
-        """Their messages set `woken`."""
+        """Their messages set `woken`, where they bring news."""
         self._wakes_on = frozenset(topic.key for topic in topics)
 
-    def publish(self, topic: Topic[P], payload: P) -> None:
+    def publish(self, topic: Topic[P], payload: P, *, news: bool = True) -> None:
         sequence = self._sequences.get(topic.key, 0) + 1
         try:
             message = RecordedMessage(topic.key, self._boot_id, sequence, encode(payload, sequence, self._boot_id))
@@ -120,7 +123,7 @@ class LocalBus:
             self._unfit.count(topic.key, str(error))
             return
         self._sequences[topic.key] = sequence
-        self._mesh.deliver(topic, payload, message)
+        self._mesh.deliver(topic, payload, message, news=news)
 
     def latest(self, topic: Topic[P]) -> P | None:
         newest = self._inbox.get(topic.key)
@@ -150,10 +153,10 @@ class LocalBus:
     def take_lost(self) -> Losses:
         return {}
 
-    def _receive(self, topic: Topic[Any], payload: Any) -> None:
+    def _receive(self, topic: Topic[Any], payload: Any, news: bool) -> None:
         key = topic.key
         self._inbox[key] = payload, self._mesh.now_s
-        if key in self._wakes_on:
+        if news and key in self._wakes_on:
             self.woken = True
         queue = self._queues.get(key)
         if queue is not None:

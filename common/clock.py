@@ -20,7 +20,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from common.alarm import Alarm
-from common.node import STEP_GAP_S, Agenda
+from common.node import STEP_GAP_S
 
 TICK_S = 0.02
 WINDOW_S = 0.04  # simulated: 0.1 s between two statuses and twice this stay below the 0.2 s of the watchdog
@@ -38,6 +38,20 @@ _log = logging.getLogger("clock")
 Send = Callable[[float], None]
 
 
+class Schedule(Protocol):
+    """When the nodes of a loop are stepped (`node.Agenda`)."""
+
+    @property
+    def due_s(self) -> float:
+        """The next step, as far as is known now: what rings the alarm may bring it nearer."""
+
+    def fileno(self) -> int | None:
+        """A file to watch."""
+
+    def file_has(self, now_s: float) -> None:
+        """Something has arrived there."""
+
+
 class Clock(Protocol):
     lease_s: float  # wall time for which a process may be unreachable before the others give it up
 
@@ -53,7 +67,7 @@ class Clock(Protocol):
     def begin(self, stop: threading.Event) -> float:
         """The time of the first step; waits until there is one."""
 
-    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
+    def wait(self, schedule: Schedule, alarm: Alarm, stop: threading.Event) -> float:
         """Sleeps until the next step is due, or `stop` is set; returns the time that the step belongs to."""
 
 
@@ -74,14 +88,12 @@ class FreeClock:
     def begin(self, stop: threading.Event) -> float:
         return time.monotonic()
 
-    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
-        if alarm.woke:
-            # What wakes comes in bursts: the rest of one is taken together, without a look in between
-            time.sleep(max(0.0, agenda.earliest_s - time.monotonic()))
-        while (now_s := time.monotonic()) < agenda.due_s and not stop.is_set():
-            if alarm.wait(agenda.due_s - now_s):
-                time.sleep(max(0.0, agenda.earliest_s - time.monotonic()))
-                return time.monotonic()
+    def wait(self, schedule: Schedule, alarm: Alarm, stop: threading.Event) -> float:
+        while (now_s := time.monotonic()) < (due_s := schedule.due_s) and not stop.is_set():
+            if alarm.rung:
+                time.sleep(due_s - now_s)  # of a node that was stepped just now
+            elif alarm.wait(due_s - now_s, schedule.fileno()):
+                schedule.file_has(time.monotonic())
         return now_s
 
 
@@ -147,13 +159,14 @@ class FollowerClock:
         threading.Thread(target=self._report_busy, args=(stop,), daemon=True).start()
         return self._now_s
 
-    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
-        """Looks at the alarm once per STEP_GAP_S of simulated time."""
+    def wait(self, schedule: Schedule, alarm: Alarm, stop: threading.Event) -> float:
+        """Looks at what has arrived once per STEP_GAP_S of simulated time."""
         while not stop.is_set():
-            look_s = min(agenda.due_s, round(max(self._step_s + STEP_GAP_S, agenda.earliest_s), 9))
-            look_s = max(look_s, self._now_s - _CATCH_UP_S)
+            look_s = max(min(schedule.due_s, round(self._step_s + STEP_GAP_S, 9)), self._now_s - _CATCH_UP_S)
             self.wait_until(look_s, stop)
-            if look_s >= agenda.due_s or alarm.wait(0.0):
+            if (file := schedule.fileno()) is not None and alarm.wait(0.0, file):
+                schedule.file_has(look_s)
+            if look_s >= schedule.due_s:
                 break
         return self._step_s
 
@@ -242,8 +255,8 @@ class LeaderClock:
     def begin(self, stop: threading.Event) -> float:
         return self._now_s
 
-    def wait(self, agenda: Agenda, alarm: Alarm, stop: threading.Event) -> float:
-        return self.wait_until(agenda.due_s, stop)
+    def wait(self, schedule: Schedule, alarm: Alarm, stop: threading.Event) -> float:
+        return self.wait_until(schedule.due_s, stop)
 
     def wait_until(self, t_s: float, stop: threading.Event) -> float:
         """Moves the clock to `t_s` as fast as pace and followers allow, or until `stop`; returns `t_s`."""

@@ -5,6 +5,7 @@ A node sleeps until something is due: a message of `wakes_on` came, or the time 
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any, Protocol, runtime_checkable
 
 from common.bus import Bus
@@ -32,23 +33,47 @@ class Node(Protocol):
 class FileNode(Protocol):
     """A node that is also woken by what arrives at a file."""
 
+    settle_s: float  # from the first byte to the step: what comes within is taken together
+
     def fileno(self) -> int | None:
         """The descriptor to wait on now; None where there is none."""
 
 
 class Agenda:
-    """When a node is stepped. Pure; the time is given."""
+    """When a node is stepped. Pure; the time is given, and `woken` is set for it."""
 
     def __init__(self, node: Node, begin_s: float) -> None:
-        self.due_s = begin_s  # it is stepped then at the latest
-        self.earliest_s = begin_s  # and not before, whatever arrives
-        self._period_s = node.period_s
+        self.woken = False  # a message came of those to wake on
+        self._node = node
+        self._deadline_s = begin_s
+        self.earliest_s = begin_s  # it is not stepped before that, whatever arrives
+        self._settled_s = inf
+
+    @property
+    def due_s(self) -> float:
+        """When it is stepped, as far as is known now."""
+        woken_s = self.earliest_s if self.woken else inf
+        return min(self._deadline_s, woken_s, max(self._settled_s, self.earliest_s))
+
+    def fileno(self) -> int | None:
+        """The file to watch; None where there is none, or where it has something already."""
+        return self._node.fileno() if self._settled_s == inf and isinstance(self._node, FileNode) else None
+
+    def file_has(self, now_s: float) -> None:
+        """Something has arrived at the file."""
+        assert isinstance(self._node, FileNode)
+        self._settled_s = now_s + self._node.settle_s
+
+    def begin_step(self) -> None:
+        """What wakes it from now on is not taken by this step for certain."""
+        self.woken, self._settled_s = False, inf
 
     def stepped(self, now_s: float, due_s: float | None) -> None:
         """It was stepped at `now_s`, and returned `due_s`."""
         self.earliest_s = now_s + STEP_GAP_S
-        periodic_s = round(self.due_s + self._period_s, 9)  # no error adds up
+        period_s = self._node.period_s
+        periodic_s = round(self._deadline_s + period_s, 9)  # no error adds up
         if due_s is None:
-            self.due_s = periodic_s if periodic_s > now_s else now_s + self._period_s
+            self._deadline_s = periodic_s if periodic_s > now_s else now_s + period_s
         else:
-            self.due_s = min(max(due_s, self.earliest_s), now_s + self._period_s)
+            self._deadline_s = min(max(due_s, self.earliest_s), now_s + period_s)

@@ -1,4 +1,4 @@
-"""A node with its bus and its clock: the loop that steps it, and how long its steps took."""
+"""Nodes with their buses and a clock: the loop that steps them, and how long their steps took."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import json
 import logging
 import threading
 import time
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from common.alarm import Alarm
 from common.clock import Clock
 from common.messages import LOG
-from common.node import Agenda, FileNode, Node
+from common.node import Agenda, Node
 from common.process_log import BusLogHandler
 from common.service_notify import ServiceNotifier
 from common.zenoh_bus import ZenohBus
@@ -50,66 +52,101 @@ class StepTimer:
         file.write_text(json.dumps(content) + "\n", encoding="utf-8")
 
 
+class Member:
+    """One node of a loop, with its bus."""
+
+    def __init__(self, node: Node, bus: ZenohBus) -> None:
+        self.node, self.bus = node, bus
+        self.steps = StepTimer()
+        self.log = logging.getLogger(node.name)
+        self.late = False
+
+
 class NodeLoop:
-    """Steps one node when its agenda says so, until `stop` is set. One thread runs it."""
+    """Steps its nodes when they are due, in their order, until `stop` is set. One thread runs it.
+
+    What one publishes and the next one wakes on, that one takes in the same pass. It is the `Schedule` of its clock.
+    """
 
     def __init__(
         self,
-        node: Node,
-        bus: ZenohBus,
+        members: Sequence[Member],
         clock: Clock,
         bus_log: BusLogHandler,
         zenoh_output: ZenohOutput | None,
         notifier: ServiceNotifier | None = None,
     ) -> None:
         """`zenoh_output` is logged after every step, where it is given; `notifier` learns of every step."""
-        self.node, self.bus = node, bus
+        self.members = tuple(members)
+        self.name = "+".join(member.node.name for member in members)
         self._clock, self._bus_log, self._zenoh_output, self._notifier = clock, bus_log, zenoh_output, notifier
-        self._steps = StepTimer()
-        self._log = logging.getLogger(node.name)
+        self._agendas: list[Agenda] = []
+        self._alarm = Alarm()
+
+    @property
+    def due_s(self) -> float:
+        return min(agenda.due_s for agenda in self._agendas)
+
+    def fileno(self) -> int | None:
+        return self._agendas[0].fileno() if len(self._agendas) == 1 else None  # the bridge is alone
+
+    def file_has(self, now_s: float) -> None:
+        self._agendas[0].file_has(now_s)
 
     def run(self, stop: threading.Event) -> None:
         """What a step raises, this raises, after it was logged and published."""
-        alarm = Alarm(self.node.fileno) if isinstance(self.node, FileNode) else Alarm()
-        self.bus.wake_on(self.node.wakes_on, alarm.ring)
-        agenda = Agenda(self.node, self._clock.begin(stop))
-        late = False
+        begin_s = self._clock.begin(stop)
+        self._agendas = [Agenda(member.node, begin_s) for member in self.members]
+        for member, agenda in zip(self.members, self._agendas, strict=True):
+            member.bus.wake_on(member.node.wakes_on, partial(self._wake, agenda))
         while True:
-            now_s = self._clock.wait(agenda, alarm, stop)
+            now_s = self._clock.wait(self, self._alarm, stop)
             if stop.is_set():
                 return
-            alarm.reset()
-            was_late, late = late, now_s - agenda.due_s > max(_LATE_S, 5 * self.node.period_s)
-            if late and not was_late:
-                self._log.warning("late behind_s=%.3f period_s=%.3f", now_s - agenda.due_s, self.node.period_s)
-            agenda.stepped(now_s, self._step(now_s))
+            self._alarm.reset()
+            for member, agenda in zip(self.members, self._agendas, strict=True):
+                if now_s >= agenda.due_s:
+                    self._step(member, agenda, now_s)
             if self._zenoh_output is not None:
                 self._zenoh_output.report(now_s)
-            self._publish_log(now_s)
-            if self._notifier is not None:
-                self._notifier.stepped(self.node.name)
 
     def close(self, folder: Path | None) -> None:
-        """Closes the node, leaves the figures of its steps in `folder`, and leaves the mesh."""
-        try:
-            self.node.close()
-            if folder is not None:
-                self._steps.write(folder / f"{self.node.name}{STEPS_SUFFIX}")
-        finally:
-            self.bus.close()
+        """Closes the nodes, leaves the figures of their steps in `folder`, and leaves the mesh."""
+        for member in self.members:
+            try:
+                member.node.close()
+                if folder is not None:
+                    member.steps.write(folder / f"{member.node.name}{STEPS_SUFFIX}")
+            finally:
+                member.bus.close()
 
-    def _step(self, now_s: float) -> float | None:
+    def _wake(self, agenda: Agenda) -> None:
+        agenda.woken = True
+        self._alarm.ring()
+
+    def _step(self, member: Member, agenda: Agenda, now_s: float) -> None:
+        self._bus_log.work_for(member.node.name)
+        self._note_lateness(member, now_s - agenda.due_s)
+        agenda.begin_step()
         began_s = time.thread_time()
         try:
-            with self.bus.bundling():
-                due_s = self.node.step(self.bus, now_s)
+            with member.bus.bundling():
+                due_s = member.node.step(member.bus, now_s)
         except Exception as error:
-            self._log.error("cannot go on: %s", error, exc_info=error)
-            self._publish_log(now_s)
+            member.log.error("cannot go on: %s", error, exc_info=error)
+            self._publish_log(member, now_s)
             raise
-        self._steps.add(time.thread_time() - began_s)
-        return due_s
+        member.steps.add(time.thread_time() - began_s)
+        agenda.stepped(now_s, due_s)
+        self._publish_log(member, now_s)
+        if self._notifier is not None:
+            self._notifier.stepped(member.node.name)
 
-    def _publish_log(self, now_s: float) -> None:
-        if self.node.name in LOG:
-            self._bus_log.flush_to(self.bus, self.node.name, now_s)
+    def _note_lateness(self, member: Member, behind_s: float) -> None:
+        was_late, member.late = member.late, behind_s > max(_LATE_S, 5 * member.node.period_s)
+        if member.late and not was_late:
+            member.log.warning("late behind_s=%.3f period_s=%.3f", behind_s, member.node.period_s)
+
+    def _publish_log(self, member: Member, now_s: float) -> None:
+        if member.node.name in LOG:
+            self._bus_log.flush_to(member.bus, member.node.name, now_s)

@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from common.errors import StartError, sentence
 from common.memory import keep_what_is_there
 from common.messages import CLOCK, CLOCK_ACK, ClockAck, ClockTick
 from common.node import Node
-from common.node_loop import NodeLoop
+from common.node_loop import Member, NodeLoop
 from common.process_log import BusLogHandler, set_up_log
 from common.zenoh_bus import ZenohBus
 from common.zenoh_end import ZenohEnd
@@ -70,9 +70,10 @@ def run(
 
 
 def run_together(name: str, factories: Mapping[str, Factory], argv: list[str] | None = None) -> int:
-    """Runs several nodes in one process `name`, each in a thread of its own, until SIGTERM, SIGINT or an error of one.
+    """Runs several nodes in one process `name` until SIGTERM, SIGINT or an error of one; returns the exit code.
 
-    They share one session: the router's, where comm is among them.
+    They share one session: the router's, where comm is among them. comm is stepped by a thread of its own, the others
+    by one, in the order of `factories`.
     """
     arguments = argument_parser(name).parse_args(argv)
     mode: Mode = "router" if ROBOT_ROUTER in factories else "peer"
@@ -140,15 +141,18 @@ class _Process:
             zenoh.init_log_from_env_or(OF_A_ROUTER if self._mode == "router" else OF_A_PEER)
         config = load_config(self._arguments.config)
         nodes = [factory(config, self._arguments) for factory in self._factories.values()]
-        clocks = [_make_clock(self._arguments, self._leads_clock) for _ in nodes]
         session = ROBOT_ROUTER if ROBOT_ROUTER in self._factories else next(iter(self._factories))
-        self._end = ZenohEnd(session, config, self._mode, lease_s(session, clocks[0].lease_s), tuple(self._factories))
-        for node, clock in zip(nodes, clocks, strict=True):
-            bus = ZenohBus(node.name, config, clock, self._mode, self._end)
-            _join_clock(clock, bus, node.name)
+        clocks = {loop: _make_clock(self._arguments, self._leads_clock) for loop in {_loop_of(n.name) for n in nodes}}
+        lease = lease_s(session, next(iter(clocks.values())).lease_s)
+        self._end = ZenohEnd(session, config, self._mode, lease, tuple(self._factories))
+        for loop, clock in sorted(clocks.items()):
+            of_loop = [node for node in nodes if _loop_of(node.name) == loop]
+            buses = [ZenohBus(node.name, config, clock, self._mode, self._end) for node in of_loop]
+            _join_clock(clock, buses)
+            members = [Member(node, bus) for node, bus in zip(of_loop, buses, strict=True)]
             # One of them logs for all what Zenoh writes
             of_zenoh = None if self._loops else zenoh_output
-            self._loops.append(NodeLoop(node, bus, clock, bus_log, of_zenoh, self._notifier))
+            self._loops.append(NodeLoop(members, clock, bus_log, of_zenoh, self._notifier))
         keep_what_is_there()
 
     def _step_all(self, foreground: Foreground | None) -> int:
@@ -158,7 +162,7 @@ class _Process:
             return 0
         failures: list[Exception] = []
         threads = [
-            threading.Thread(target=self._step_one, args=(loop, failures), name=loop.node.name, daemon=True)
+            threading.Thread(target=self._step_one, args=(loop, failures), name=loop.name, daemon=True)
             for loop in self._loops
         ]
         for thread in threads:
@@ -166,7 +170,8 @@ class _Process:
         try:
             code = 0
             if foreground is not None:
-                code = foreground(self._loops[0].node, self._loops[0].bus, self._stop)
+                first = self._loops[0].members[0]
+                code = foreground(first.node, first.bus, self._stop)
             else:
                 self._stop.wait()
         finally:
@@ -179,13 +184,18 @@ class _Process:
         return code
 
     def _step_one(self, loop: NodeLoop, failures: list[Exception]) -> None:
-        _name_thread(loop.node.name)
+        _name_thread(loop.name)
         try:
             loop.run(self._stop)
         except Exception as error:
             failures.append(error)
         finally:
             self._stop.set()
+
+
+def _loop_of(node: str) -> str:
+    """Who is stepped by one thread, one after the other: all but comm, which watches over them."""
+    return node if node == ROBOT_ROUTER else ""
 
 
 def _name_thread(name: str) -> None:
@@ -200,24 +210,32 @@ def _make_clock(arguments: argparse.Namespace, leads: bool) -> Clock:
     return LeaderClock(arguments.speed) if leads else FollowerClock()
 
 
-def _join_clock(clock: Clock, bus: ZenohBus, name: str) -> None:
+def _join_clock(clock: Clock, buses: Sequence[ZenohBus]) -> None:
+    """`buses` of the nodes that are stepped by this clock."""
     if isinstance(clock, FollowerClock):
-        _follow(clock, bus, name)
+        _follow(clock, buses)
     elif isinstance(clock, LeaderClock):
-        _lead(clock, bus)
+        _lead(clock, buses[0])
 
 
-def _follow(clock: FollowerClock, bus: ZenohBus, name: str) -> None:
-    announced, expected = Announcements(), Announcements()
+def _follow(clock: FollowerClock, buses: Sequence[ZenohBus]) -> None:
+    announced, first = Announcements(), buses[0]
+    expected = [(bus, Announcements()) for bus in buses]
 
     def receive(tick: ClockTick) -> None:
-        expected.merge((tick.topics, tick.boot_ids, tick.sequences))
+        for _, marks in expected:
+            marks.merge((tick.topics, tick.boot_ids, tick.sequences))
         clock.tick(tick.t_s)
 
-    bus.announced = announced
-    clock.send_ack = lambda t_s: bus.publish(CLOCK_ACK, ClockAck(t_s, name, *announced.take()))
-    clock.await_messages = lambda stop: bus.await_messages(expected, stop)
-    bus.subscribe(CLOCK, receive)
+    def await_messages(stop: threading.Event) -> None:
+        for bus, marks in expected:
+            bus.await_messages(marks, stop)
+
+    for bus in buses:
+        bus.announced = announced
+    clock.send_ack = lambda t_s: first.publish(CLOCK_ACK, ClockAck(t_s, first.name, *announced.take()))
+    clock.await_messages = await_messages
+    first.subscribe(CLOCK, receive)
 
 
 def _lead(clock: LeaderClock, bus: ZenohBus) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import logging.handlers
 import os
+import threading
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -25,16 +26,22 @@ _LINES_FOR_BUS = 200
 class BusLogHandler(logging.Handler):
     """Keeps log records for the nodes' own threads to publish as `LOG[module]`.
 
-    A record belongs to the module whose thread wrote it; what other threads write, to the first one.
+    A record belongs to the module that its thread works for; what other threads write, to the first one.
     """
 
     def __init__(self, modules: Sequence[str]) -> None:
         super().__init__(logging.INFO)
         self._records: dict[str, deque[tuple[str, str]]] = {name: deque(maxlen=_LINES_FOR_BUS) for name in modules}
-        self._others = self._records[modules[0]]
+        self._first = modules[0]
+        self._thread = threading.local()
+
+    def work_for(self, module: str) -> None:
+        """What this thread logs from now on is the module's."""
+        self._thread.module = module
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._records.get(record.threadName or "", self._others).append((record.levelname, record.getMessage()))
+        module = getattr(self._thread, "module", self._first)
+        self._records[module].append((record.levelname, record.getMessage()))
 
     def flush_to(self, bus: Bus, module: str, now_s: float) -> None:
         records = self._records[module]

@@ -83,7 +83,8 @@ class StatusReporter:
         if memory_kb is None:
             memory_kb = self._own_memory_kb(bus, now_s)
         self._last = current
-        bus.publish(self._topic, Status(now_s, state, int(error), memory_kb, ready, self._heartbeat_count, detail))
+        status = Status(now_s, state, int(error), memory_kb, ready, self._heartbeat_count, detail)
+        bus.publish(self._topic, status, news=urgent)
 
     def _own_memory_kb(self, bus: Bus, now_s: float) -> int:
         # Nodes in lockstep share one process: none has memory of its own, and a run must repeat to the bit

@@ -98,13 +98,13 @@ class ZenohBus:
         """What went out so far: topic and boot id -> newest sequence number."""
         return {(key, self._boot_id): outbox.sequence for key, outbox in self._outboxes.copy().items()}
 
-    def publish(self, topic: Topic[P], payload: P) -> None:
+    def publish(self, topic: Topic[P], payload: P, *, news: bool = True) -> None:
         outbox = self._outboxes.get(topic.key)
         if outbox is None:
             outbox = self._outboxes[topic.key] = Outbox(self._end, topic, self._boot_id, self._replies)
         if self.gate.holds_back(topic, payload):
             return
-        outbox.publish(payload, partial(self.gate.sign, topic, payload), self._send)
+        outbox.publish(payload, partial(self.gate.sign, topic, payload), self._send, news=news)
         if self.announced is not None and topic.consumers and topic.qos in (QosProfile.LATEST, QosProfile.COMMAND):
             self.announced.note(topic.key, self._boot_id, outbox.sequence)
 
@@ -119,11 +119,11 @@ class ZenohBus:
             for bundle_key, messages in held.items():
                 self._end.put_bundle(bundle_key, messages)
 
-    def _send(self, topic: Topic[Any], data: bytes) -> None:
-        if self._held is None:
-            self._end.put_bundle(topic.bundle_key, [(topic.key, data)])
-        else:
-            self._held.setdefault(topic.bundle_key, []).append((topic.key, data))
+    def _send(self, topic: Topic[Any], data: bytes, news: bool) -> None:
+        held = {} if self._held is None else self._held
+        held.setdefault(topic.bundle_key, []).append((topic.key, data, news))
+        if held is not self._held:
+            self._end.put_bundle(topic.bundle_key, held[topic.bundle_key])
 
     def wake_on(self, topics: Iterable[Topic[Any]], ring: Callable[[], None]) -> None:
         """Zenoh's threads call `ring` for every message of these topics; before any of them is looked at."""
@@ -209,14 +209,18 @@ class ZenohBus:
         """The topic's inbox; made at its first use."""
         inbox: Inbox[P] | None = self._inboxes.get(topic.key)
         if inbox is None:
-            arrived = self._arrived_to_wake if topic.key in self._wakes_on else self._arrival.set
+            arrived = self._arrived_to_wake if topic.key in self._wakes_on else self._arrived
             inbox = Inbox(self._end, topic, self._clock, self._decoder, self.gate.refuses, arrived)
             self._inboxes[topic.key] = inbox
         return inbox
 
-    def _arrived_to_wake(self) -> None:
+    def _arrived_to_wake(self, news: bool) -> None:
         self._arrival.set()
-        self._ring()
+        if news:
+            self._ring()
+
+    def _arrived(self, news: bool) -> None:
+        self._arrival.set()
 
     def _looked_at(self, topic: Topic[P]) -> Inbox[P]:
         inbox = self._inbox(topic)

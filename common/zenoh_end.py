@@ -47,6 +47,7 @@ class Arrival:
     signature: bytes = b""
     envelope: Envelope[Any] | None = None
     is_own: bool = False  # published by a node of this process
+    news: bool = True  # no repeat of what was published before
 
 
 class Reader(Protocol):
@@ -98,8 +99,8 @@ class Subscriptions:
         except DecodeError as error:
             self._bad_bundles.count(bundle_key, str(error))
             return
-        for topic_key, data in messages:
-            self.deliver(topic_key, Arrival(data))
+        for topic_key, data, news in messages:
+            self.deliver(topic_key, Arrival(data, news=news))
 
 
 class ZenohEnd:

@@ -53,7 +53,7 @@ class Decoder:
 
 class Inbox(Generic[P]):
     """What one node receives of a topic. `refuses` judges commands with their signatures; `arrived` is called when
-    something came.
+    something came, with whether it is news.
 
     `newest`, `arrived_s` and `sequences` (boot id -> newest number) are as of the last look.
     """
@@ -65,7 +65,7 @@ class Inbox(Generic[P]):
         clock: Clock,
         decoder: Decoder,
         refuses: Refuses,
-        arrived: Callable[[], None],
+        arrived: Callable[[bool], None],
     ) -> None:
         self.newest: P | None = None
         self.arrived_s = float("-inf")
@@ -133,7 +133,7 @@ class Inbox(Generic[P]):
         """Called by Zenoh's thread, or by a node of this process that publishes."""
         with self._lock:
             self._pending.append((self._clock.now_s(), arrival))
-        self._arrived()
+        self._arrived(arrival.news)
 
     def count_bad(self, problem: str) -> None:
         """Called by Zenoh's thread."""

@@ -80,7 +80,12 @@ class Outbox(Generic[P]):
             self._queryable = session.declare_queryable(self._key, direct(self._reply))
 
     def publish(
-        self, payload: P, sign: Callable[[bytes], bytes | None], send: Callable[[Topic[P], bytes], None]
+        self,
+        payload: P,
+        sign: Callable[[bytes], bytes | None],
+        send: Callable[[Topic[P], bytes, bool], None],
+        *,
+        news: bool,
     ) -> None:
         """Any thread may; `sign` makes of the message what goes with it, `send` takes those that travel in a bundle."""
         with self._lock:
@@ -93,11 +98,11 @@ class Outbox(Generic[P]):
             signature = sign(data)
             # First of all it is sent; a query waits for the lock
             if self._publisher is None:
-                send(self._topic, data)
+                send(self._topic, data, news)
             else:
                 self._publisher.put(data, attachment=signature)
             envelope = Envelope(payload, self.sequence, self._boot_id)
-            self._end.deliver(self._topic.key, Arrival(data, signature or b"", envelope, is_own=True))
+            self._end.deliver(self._topic.key, Arrival(data, signature or b"", envelope, is_own=True, news=news))
             if self._recent is not None:
                 self._recent.append(self.sequence, data)
             if self._history is not None:

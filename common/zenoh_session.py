@@ -141,7 +141,7 @@ def session_config(channel: Channel, lease_s: float = FREE_LEASE_S) -> zenoh.Con
         "transport/unicast/open_timeout": round(1000 * _OPEN_TIMEOUT_S),
         "transport/link/rx/max_message_size": _TRANSPORTED_BYTES_MAX,
         "transport/link/tx/lease": round(1000 * lease_s),
-        "transport/link/tx/keep_alive": 4,
+        "transport/link/tx/keep_alive": 2,  # of those ten times a second that most links carry bundles anyway
         "transport/link/tx/queue/size/real_time": 16,
         "transport/link/tx/queue/size/data": _ANSWER_QUEUE,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(1e6 * _BLOCKED_S),

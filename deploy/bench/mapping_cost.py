@@ -59,11 +59,11 @@ class InputBus:
         self._pending.setdefault(topic.key, []).append(encode(payload, 1, 1))
         self._fed_s[topic.key] = self.now_s
 
-    def publish(self, topic: Topic[P], payload: P) -> None:
+    def publish(self, topic: Topic[P], payload: P, *, news: bool = True) -> None:
         if self._out is None:
             encode(payload, 1, 1)
         else:
-            self._out.publish(topic, payload)
+            self._out.publish(topic, payload, news=news)
 
     def take(self, topic: Topic[P]) -> list[P]:
         return [decode(data, topic.payload).payload for data in self._pending.pop(topic.key, [])]

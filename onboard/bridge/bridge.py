@@ -27,6 +27,7 @@ from common.messages import (
     RANGES,
     STATUS,
     STOP,
+    CarrierReport,
     DriveCommand,
     Speed,
     Topic,
@@ -51,7 +52,7 @@ from onboard.bridge.protocol import (
     Stop,
     Stp,
 )
-from onboard.bridge.serial_link import LinkState, SerialLink
+from onboard.bridge.serial_link import BURST_S, LinkState, SerialLink
 from onboard.bridge.serial_port import Port, SerialLost, SerialPort
 
 REPEAT_S = 0.1  # until the board confirms
@@ -68,6 +69,7 @@ class Bridge:
 
     name = "bridge"
     period_s = 0.1
+    settle_s = BURST_S
     wakes_on: tuple[Topic[Any], ...] = (STOP, PERMIT, DRIVE)
 
     def __init__(self, port_factory: Callable[[], Port]) -> None:
@@ -77,6 +79,7 @@ class Bridge:
         self._sim: SimSta | None = None
         self._car: CarSta | None = None
         self._stop: Stp | None = None
+        self._carrier: CarrierReport | None = None  # the newest report
         self._heartbeat_counts = {"sim": 0, "car": 0}
         self._logged: dict[str, tuple[str, int]] = {}
         self._car_pace, self._car_error = StatusPace(), 0
@@ -197,7 +200,9 @@ class Bridge:
     def _publish_carrier(self, bus: Bus, t_s: float) -> None:
         """Publishes the Carrier's report once both of its lines (CarSta, Stp) have come."""
         if self._car is not None and self._stop is not None:
-            bus.publish(CARRIER, translation.carrier_report(self._car, self._stop, t_s, self._gate))
+            report = translation.carrier_report(self._car, self._stop, t_s, self._gate)
+            last, self._carrier = self._carrier, report
+            bus.publish(CARRIER, report, news=last is None or _essence(last) != _essence(report))
 
     def _log_change(self, module: str, state: str, error: int) -> None:
         """Logs the state and error of SIM or Carrier when they change."""
@@ -289,6 +294,12 @@ class Bridge:
         if bad_lines >= NOISE_LINES:
             return ErrorCode.LINE_NOISE, f"bad_lines={self._link.bad_lines}"
         return ErrorCode.OK, ""
+
+
+def _essence(report: CarrierReport) -> tuple[object, ...]:
+    """What others act on at once when it changes."""
+    stops = report.stop_latched, report.button_pressed, report.stop_ids
+    return report.state, *stops, report.board_epoch, report.bridge_epoch, report.comm_life
 
 
 def make_bridge(config: Config, _: argparse.Namespace) -> Bridge:

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from enum import Enum
 
-from common.node import STEP_GAP_S
 from common.pace import Pace
 from onboard.bridge import protocol
 from onboard.bridge.board_clock import BoardClock
@@ -19,8 +18,8 @@ LINE_LOST_S = 0.3  # no valid line for this long: the board is lost
 REOPEN_S = 1.0
 RESET_AFTER_S = 10.0  # a port that stays silent for this long is opened anew
 NOISE_WINDOW_S = 10.0
-# Where a line is incomplete, more is on its way: what comes within this is taken together. The first line of a burst
-# takes 5 ms on the wire, so that none waits for more than 10 ms
+# From the first byte of a burst to the step that takes it. Its first line takes 5 ms on the wire, so that none waits
+# for more than 10 ms
 BURST_S = 0.015
 
 _log = logging.getLogger("bridge")
@@ -48,7 +47,7 @@ class SerialLink:
         self._opening = Pace(REOPEN_S)
         self._decoder = LineDecoder()
         self._received_s = float("-inf")
-        self._burst_end_s: float | None = None  # while more is on its way: when to read on
+        self.receiving = False  # a line has begun that is not complete yet
         self._clock = BoardClock()
         self._started_s: float | None = None
         self._noise: deque[tuple[float, int]] = deque([(float("-inf"), 0)])
@@ -62,17 +61,11 @@ class SerialLink:
         """When `read` must be called though no byte comes (s)."""
         if self._port is None:
             return self._opening.due_s
-        silent_s = self._received_s + (LINE_LOST_S if self.connected else RESET_AFTER_S)
-        return silent_s if self._burst_end_s is None else min(silent_s, self._burst_end_s)
-
-    @property
-    def receiving(self) -> bool:
-        """A line has begun that is not complete yet."""
-        return self._burst_end_s is not None
+        return self._received_s + (LINE_LOST_S if self.connected else RESET_AFTER_S)
 
     def fileno(self) -> int | None:
-        """What to wait on for bytes; None while there is no port, or while what comes is waited for as a whole."""
-        return self._port.fileno() if self._port is not None and not self.receiving else None
+        """What to wait on for bytes; None while there is no port."""
+        return self._port.fileno() if self._port is not None else None
 
     @property
     def bad_lines(self) -> int:
@@ -93,10 +86,9 @@ class SerialLink:
         if self._port is None and not self._reopen(now_s):
             return
         assert self._port is not None
-        if self._burst_end_s is not None and now_s < self._burst_end_s - STEP_GAP_S:
-            return
         data = self._port.read()
-        self._burst_end_s = now_s + BURST_S if data and not data.endswith(b"\n") else None
+        if data:
+            self.receiving = not data.endswith(b"\n")
         for received in self._decoder.feed(data):
             yield from self._take_line(received, now_s)
         silent_s = now_s - self._received_s
@@ -129,7 +121,7 @@ class SerialLink:
         if why != self.why_closed:
             _log.warning("link=CLOSED reason=%s", why)
         self._port, self.state, self.why_closed = None, LinkState.CLOSED, why
-        self._burst_end_s = None
+        self.receiving = False
         self._forget_board()
 
     def _reopen(self, now_s: float) -> bool:

@@ -21,6 +21,7 @@ from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode, StartError
 from common.fields import CHALLENGE_BYTES
 from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit, Topic
+from common.modules import ON_ROBOT
 from common.pace import Pace
 from common.release import Release, own_release
 from common.signing import CHALLENGE_PERIOD_S
@@ -37,6 +38,7 @@ from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, release
 OFFBOARD_WATCHED = "recorder"
 BRIDGE = "bridge"
 LIFE_BITS = 53
+_WATCHED = tuple(name for name in ON_ROBOT if name != "comm")
 
 _JUST_AFTER_S = 0.001  # at its greatest age a status still counts
 
@@ -68,9 +70,13 @@ class Comm:
 
     name = "comm"
     period_s = 0.1
-    # The bridge reports at the board's pace and, at once, what it holds the robot for. Permit and status keep to it, so
-    # that both processes wake once for all of them
-    wakes_on: tuple[Topic[Any], ...] = (STOP, OPERATION, STATUS[BRIDGE])
+    # Of the reports only what is news: a stop that bridge or board hold, a module that is ready no more
+    wakes_on: tuple[Topic[Any], ...] = (
+        STOP,
+        OPERATION,
+        CARRIER,
+        *(STATUS[name] for name in ON_ROBOT if name != "comm"),
+    )
 
     def __init__(
         self,
@@ -183,7 +189,7 @@ class Comm:
         if changed and self._permit_file is not None:
             self._permit_file.write(granted=permit.granted)
         self._permit = permit
-        bus.publish(PERMIT, permit)
+        bus.publish(PERMIT, permit, news=changed)
 
     def _stop_reason(self) -> str:
         """Why no motion is granted as far as stops go, in words for people; empty where it is."""

@@ -274,7 +274,7 @@ class Planner:
             return
         standing = motion.speed is Speed.STOP and last is not None and last.speed is Speed.STOP
         if standing and last is not None and abs(wrap_angle(yaw_rad - last.yaw_rad)) < 0.03:
-            bus.publish(DRIVE, replace(last, t_s=now_s))
+            bus.publish(DRIVE, replace(last, t_s=now_s), news=False)
             self._commanded = replace(last, t_s=now_s)
             return
         self._command_id += 1

@@ -39,6 +39,6 @@ def throw(config: Config, payloads: list[bytes], keys: Collection[str]) -> None:
                 put(bundle_key, payload)
             for key in keys:
                 if key in bundles:
-                    put(bundles[key], bundle.pack([(key, payload)]))
+                    put(bundles[key], bundle.pack([(key, payload, True)]))
                 else:
                     put(key, payload)

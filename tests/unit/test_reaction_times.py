@@ -114,10 +114,10 @@ class WatchedModules(DueSteps):
     def report(self, now_s: float) -> None:
         for module, phase_ms in (("bridge", 15), ("mmu", 40)):
             if round(now_s * 1000) % 100 == phase_ms and module not in self.silent:
-                self.others.publish(STATUS[module], Status(now_s, "RUN", 0, 0, True, round(now_s * 1000)))
+                self.others.publish(STATUS[module], Status(now_s, "RUN", 0, 0, True, round(now_s * 1000)), news=False)
                 newest = self.others.latest(PERMIT)
                 if module == "bridge" and newest is not None:
-                    self.others.publish(CARRIER, knows(newest, now_s))
+                    self.others.publish(CARRIER, knows(newest, now_s), news=False)
 
     def granted(self) -> bool:
         permit = self.others.latest(PERMIT)

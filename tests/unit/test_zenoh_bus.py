@@ -332,7 +332,7 @@ def test_bytes_that_are_no_message_are_counted_and_do_not_look_fresh(open_bus: O
     with zenoh.open(session_config(Channel("client", connect=(config.mesh.router,)))) as stranger:
 
         def counted() -> bool:
-            junk = bundle.pack([(POSE.key, b"\xc1 no message")])
+            junk = bundle.pack([(POSE.key, b"\xc1 no message", True)])
             stranger.put(f"{config.robot.name}/{POSE.bundle_key}", junk)
             planner.latest(POSE)
             return planner.decode_errors.get(POSE.key, 0) > 0

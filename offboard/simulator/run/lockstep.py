@@ -55,9 +55,9 @@ class _Bus(LocalBus):
         super().__init__(mesh, name, boot_id)
         self._stopwatch = stopwatch
 
-    def publish(self, topic: Topic[P], payload: P) -> None:
+    def publish(self, topic: Topic[P], payload: P, *, news: bool = True) -> None:
         before = self._stopwatch.enter(BUS)
-        super().publish(topic, payload)
+        super().publish(topic, payload, news=news)
         self._stopwatch.enter(before)
 
 
@@ -69,31 +69,25 @@ class _Slot:
         self.frozen = False
         self.durations_s: list[float] = []
         self._bus, self._agenda, self._stopwatch = bus, Agenda(node, 0.0), stopwatch
-        self._file, self._port = (node if isinstance(node, FileNode) else None), port
+        self._has_file, self._port = isinstance(node, FileNode), port
         bus.wake_on(node.wakes_on)
-        self._plan()
 
     def run(self, now_s: float) -> None:
-        if now_s < self._due_s:
-            woken = self._bus.woken or self._file_readable()
-            if not woken or now_s < self._earliest_s:
-                return
-        if self.frozen:
+        agenda = self._agenda
+        if self._bus.woken:
+            agenda.woken = True
+        if self._has_file and self._port.readable and agenda.fileno() is not None:
+            agenda.file_has(now_s)
+        if now_s < agenda.due_s - _ROUNDING_S or self.frozen:
             return
         self._bus.woken = False
+        agenda.begin_step()
         before = self._stopwatch.enter(self.node.name)
         began_s = time.thread_time()
         due_s = self.node.step(self._bus, now_s)
         self.durations_s.append(time.thread_time() - began_s)
         self._stopwatch.enter(before)
-        self._agenda.stepped(now_s, due_s)
-        self._plan()
-
-    def _plan(self) -> None:
-        self._due_s, self._earliest_s = self._agenda.due_s - _ROUNDING_S, self._agenda.earliest_s - _ROUNDING_S
-
-    def _file_readable(self) -> bool:
-        return self._file is not None and self._port.readable and self._file.fileno() is not None
+        agenda.stepped(now_s, due_s)
 
 
 class Lockstep:
