@@ -18,7 +18,7 @@ from pathlib import Path
 
 from common.clock import FreeClock
 from common.config import load_config
-from common.messages import PERMIT, PLAN, POSE, Operation, Permit
+from common.messages import PERMIT, PLAN, Operation, Permit
 from common.zenoh_bus import ZenohBus
 from deploy.bench.core_quota import ThrottledCore, cores, pin, throttled_core
 from deploy.bench.machine import percentiles
@@ -130,8 +130,8 @@ class Watch:
             self.withdrawn.permit(permit)
 
     def progress(self) -> str:
-        view, pose = self._bus.latest(PLAN), self._bus.latest(POSE)
-        if view is None or pose is None:
+        view = self._bus.latest(PLAN)
+        if view is None:
             return "the planner is silent"
         return f"{view.detail}, {view.area_m2:.0f} m2 mapped, outcome {view.outcome.value}"
 
