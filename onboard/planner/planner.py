@@ -43,7 +43,7 @@ from common.messages import (
     Speed,
     Topic,
 )
-from common.pace import Pace
+from common.pace import LATE_S, Pace
 from common.side_process import ProcessWorker
 from common.status import StatusReporter
 from common.undecodable import Undecodable
@@ -285,7 +285,7 @@ class Planner:
         """When there is something to do though nothing arrives."""
         return min(
             self._status.latest_s,
-            self._command_pace.due_s if self._commanded is not None else math.inf,
+            self._command_pace.due_s + LATE_S if self._commanded is not None else math.inf,
             self._deliberator.due_s(now_s),
             collision_monitor.due_s(self._collision),
             *(expires_s(bus, topic, now_s) for topic in (POSE, RANGES, DISTANCES)),
