@@ -15,8 +15,7 @@ from pathlib import Path
 from common.bus import Bus
 from common.constants import BOARD_RATE_HZ
 from common.messages import BOARD, BoardState
-
-RELEASES = "releases"  # folder of the boards' releases; each holds the programs in a folder of its own
+from common.release import own_release
 
 
 class BoardReporter:
@@ -24,32 +23,26 @@ class BoardReporter:
 
     def __init__(self, module: str, folder: Path, wall_clock: Callable[[], float] = time.time) -> None:
         self._topic, self._folder, self._wall_clock = BOARD[module], folder, wall_clock
-        self._release = release_of(Path(__file__).resolve())  # while this process runs another may take its place
         self._due_s = float("-inf")
 
     def report(self, bus: Bus, now_s: float) -> None:
         if now_s >= self._due_s:
             self._due_s = now_s + 1.0 / BOARD_RATE_HZ
-            bus.publish(self._topic, read_board_state(now_s, self._wall_clock(), self._release, self._folder))
+            bus.publish(self._topic, read_board_state(now_s, self._wall_clock(), self._folder))
 
 
-def read_board_state(now_s: float, wall_s: float, release: str, folder: Path, root: Path = Path("/")) -> BoardState:
+def read_board_state(now_s: float, wall_s: float, folder: Path, root: Path = Path("/")) -> BoardState:
     """Takes a tenth of a millisecond; what the system does not report is NaN or 0. `root`: where proc and sys are."""
     return BoardState(
         now_s,
         name=platform.node()[:100],
-        release=release,
+        release=own_release().name,
         uptime_s=_first_number(root / "proc/uptime"),
         load=_first_number(root / "proc/loadavg"),
         temperature_c=_temperature_c(root / "sys/class/thermal"),
         disk_free_mb=_free_mb(folder),
         wall_s=wall_s,
     )
-
-
-def release_of(file: Path) -> str:
-    """The release that a program of the boards belongs to; empty elsewhere."""
-    return next((inner.name for inner in file.parents if inner.parent.name == RELEASES), "")
 
 
 def _first_number(file: Path) -> float:

@@ -379,7 +379,7 @@ class BoardState:
 
     t_s: Seconds
     name: Word  # as the computer calls itself
-    release: Word  # of the programs; empty where they are no release
+    release: Word  # of the programs, as `deploy` named it
     uptime_s: Seconds
     load: Load  # mean of a minute
     temperature_c: Celsius  # of its hottest part

@@ -77,7 +77,6 @@ _HARDENING = {
     "RestrictRealtime": "yes",
     "RestrictSUIDSGID": "yes",
     "LockPersonality": "yes",
-    "RemoveIPC": "yes",
     "SystemCallArchitectures": "native",
     "SystemCallFilter": "@system-service",
     "UMask": "0027",
@@ -130,6 +129,7 @@ def _service(process: str, needs: _Needs, before: Iterable[str]) -> str:
         "WatchdogSec": f"{WATCHDOG_S:g}",
         "TimeoutStartSec": f"{STARTUP_GRACE_S:g}",
         "TimeoutStopSec": f"{_STOP_S:g}",
+        "KillMode": "mixed",  # what works beside the loops is ended by their process
         "LimitCORE": "0",
         "MemoryMax": f"{needs.memory_mb}M",
         "CPUWeight": str(needs.cpu_weight),

@@ -72,14 +72,14 @@ async def test_a_line_per_board_shows_release_uptime_load_heat_disk_and_how_far_
         await settle(rig, app, pilot)
         assert not app.main.boards.display
         beaglebone = BoardState(0.0, "beaglebone", "2026-11-22", 90_000.0, 0.42, nan, 1_234, EPOCH_S + rig.now_s - 60.0)
-        raspberry = BoardState(0.0, "raspberry", "", 59.0, 3.5, 85.0, 150, EPOCH_S + rig.now_s)
+        raspberry = BoardState(0.0, "raspberry", "sources", 59.0, 3.5, 85.0, 150, EPOCH_S + rig.now_s)
         rig.report_board("comm", beaglebone)
         rig.report_board("poi", raspberry)
         await settle(rig, app, pilot)
         first, second = (" ".join(line.split()) for line in str(app.main.boards.render()).splitlines())
         for words in ("beaglebone", "2026-11-22", "up 1 d 1 h", "load 0.42", "heat –", "free 1.2", "clock -60.0 s"):
             assert words in first
-        for words in ("raspberry", "none", "up 59.0 s", "heat 85 °C", "clock +0.0 s"):
+        for words in ("raspberry", "sources", "up 59.0 s", "heat 85 °C", "clock +0.0 s"):
             assert words in second
         assert "ago" not in first + second
         await settle(rig, app, pilot, 20.0)

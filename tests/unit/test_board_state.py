@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from common.board_state import BoardReporter, read_board_state, release_of
+from common.board_state import BoardReporter, read_board_state
 from common.bus import LocalMesh
 from common.constants import BOARD_RATE_HZ
 from common.messages import BOARD
+from common.release import SOURCES
 
 
 @pytest.fixture
@@ -28,21 +29,16 @@ def kernel(tmp_path: Path) -> Path:
 
 
 def test_uptime_load_hottest_zone_and_free_disk_are_read(kernel: Path) -> None:
-    state = read_board_state(5.0, 1_700_000_000.0, "2026-11-22", kernel, root=kernel)
+    state = read_board_state(5.0, 1_700_000_000.0, kernel, root=kernel)
     assert (state.uptime_s, state.load, state.temperature_c) == (93784.21, 0.42, 51.0)
     assert state.disk_free_mb > 0
-    assert (state.t_s, state.wall_s, state.release) == (5.0, 1_700_000_000.0, "2026-11-22")
+    assert (state.t_s, state.wall_s, state.release) == (5.0, 1_700_000_000.0, SOURCES)
 
 
 def test_a_system_that_reports_nothing_is_no_error(tmp_path: Path) -> None:
-    state = read_board_state(5.0, 0.0, "", tmp_path / "gone", root=tmp_path)
+    state = read_board_state(5.0, 0.0, tmp_path / "gone", root=tmp_path)
     assert (state.uptime_s, state.load, state.disk_free_mb) == (0.0, 0.0, 0)
     assert isnan(state.temperature_c)
-
-
-def test_the_release_is_the_folder_that_the_programs_stand_in() -> None:
-    assert release_of(Path("/opt/robot/releases/2026-11-22/app/common/board_state.py")) == "2026-11-22"
-    assert release_of(Path("/somewhere/indoor-mapping/common/board_state.py")) == ""
 
 
 def test_a_report_every_few_seconds_however_often_a_node_steps(tmp_path: Path) -> None:

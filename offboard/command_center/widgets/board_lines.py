@@ -31,7 +31,7 @@ def board_line(row: BoardRow) -> Text:
     temperature = "–" if isnan(state.temperature_c) else f"{state.temperature_c:.0f} °C"
     # Label, value, width, and whether a person should look
     columns = (
-        ("release", plain(state.release, _RELEASE_WIDTH) or "none", _RELEASE_WIDTH, False),
+        ("release", plain(state.release, _RELEASE_WIDTH), _RELEASE_WIDTH, False),
         ("up", _uptime(state.uptime_s), 10, False),
         ("load", f"{state.load:.2f}", 5, False),
         ("heat", temperature, 6, state.temperature_c >= HOT_C),
