@@ -12,6 +12,7 @@ import itertools
 import math
 import re
 import reprlib
+import threading
 from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
@@ -25,7 +26,10 @@ from common.modules import CODES
 CODEC_VERSION = 1
 _ARRAY_EXT = 1
 _ARRAY_TYPE = re.compile(r"[<>|][fiu][1248]")  # numbers; no objects, no structures
-_HEADER_BYTES = 32  # more than version, sequence and boot id can take
+_FOUR_FIELDS = 0x94  # MessagePack: a list of four
+_SMALL_INT_MAX = 0x7F  # the number is its own first byte
+_INT_BYTES = {0xCC: 1, 0xCD: 2, 0xCE: 4, 0xCF: 8}  # that follow this first byte
+_NO_INT = 0xFF
 _SEQUENCE_MAX = 2**53
 _LARGE_BYTES = 64_000
 _CONTAINERS_MAX, _ELEMENTS_MAX = 64, 1024  # lists and maps in a large message, and what is in each
@@ -132,10 +136,20 @@ def _check_source(name: str, field: Field) -> str:
     return f"if not ({fits}): {name} = take_{name}({name})"
 
 
+class _Packers(threading.local):
+    """One for each thread: a new one for every message would take and return 256 kB of memory."""
+
+    def __init__(self) -> None:
+        self.mine = msgpack.Packer(default=_pack_special)
+
+
+_packers = _Packers()
+
+
 def encode(payload: Any, sequence: int, boot_id: int) -> bytes:
     """Bytes of a payload dataclass; raises UnfitValue where a field violates its type or bounds."""
     body = _FORMS[type(payload)].body_of(payload)
-    packed: bytes = msgpack.packb((CODEC_VERSION, sequence, boot_id, body), default=_pack_special)
+    packed: bytes = _packers.mine.pack((CODEC_VERSION, sequence, boot_id, body))
     return packed
 
 
@@ -160,16 +174,22 @@ def decode(data: bytes, payload: type[P]) -> Envelope[P]:
 
 def read_header(data: bytes) -> tuple[int, int]:
     """Sequence number and boot id without a look at the rest, whatever its version; raises DecodeError."""
-    unpacker = msgpack.Unpacker()
-    unpacker.feed(data[:_HEADER_BYTES])
-    try:
-        count = unpacker.read_array_header()
-        _, sequence, boot_id = (unpacker.unpack() for _ in range(3))
-    except _UNDECODABLE as error:
-        raise DecodeError(f"no header of a message: {error}") from error
-    if count != 4 or not _is_stamp(sequence, boot_id):
+    if len(data) < 4 or data[0] != _FOUR_FIELDS or data[1] > _SMALL_INT_MAX:
+        raise DecodeError("no header of a message")
+    sequence, at = _read_int(data, 2)
+    boot_id, _ = _read_int(data, at)
+    if not _is_stamp(sequence, boot_id):
         raise DecodeError("no header of a message")
     return sequence, boot_id
+
+
+def _read_int(data: bytes, at: int) -> tuple[int, int]:
+    """The unsigned number at a place, in any of MessagePack's forms, and where it ends; -1 where there is none."""
+    first = data[at] if at < len(data) else _NO_INT
+    if first <= _SMALL_INT_MAX:
+        return first, at + 1
+    end = at + 1 + _INT_BYTES.get(first, len(data))
+    return (int.from_bytes(data[at + 1 : end]), end) if end <= len(data) else (-1, end)
 
 
 def _text_of(value: Any) -> str:

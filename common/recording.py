@@ -172,7 +172,7 @@ class RecordingSubscriber:
         self._query = query
         self._wall_s = wall_s
         self._keys, self._on_event = tuple(keys), frozenset(on_event)
-        self._came: deque[tuple[str, bytes]] = deque(maxlen=RECORDING_QUEUE_LENGTH)
+        self._came: deque[tuple[str, bytes] | RecordedMessage] = deque(maxlen=RECORDING_QUEUE_LENGTH)
         self._replies: deque[tuple[str, bytes]] = deque()
         self._queried_s = dict.fromkeys(self._keys, float("-inf"))
         self._audit_due_s = float("-inf")
@@ -181,6 +181,10 @@ class RecordingSubscriber:
 
     def store(self, key: str, data: bytes) -> None:
         self._came.append((key, data))
+
+    def store_own(self, message: RecordedMessage) -> None:
+        """Of a node of this process."""
+        self._came.append(message)
 
     def add_reply(self, key: str, pack: bytes) -> None:
         self._replies.append((key, pack))
@@ -194,7 +198,8 @@ class RecordingSubscriber:
         now_s = self._wall_s()
         messages: list[RecordedMessage] = []
         while self._came:
-            message = self._message(*self._came.popleft())
+            came = self._came.popleft()
+            message = came if isinstance(came, RecordedMessage) else self._message(*came)
             if message is not None:
                 messages += self._order.add(message, now_s)
         while self._replies:

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import inf
+
 import numpy as np
 import numpy.typing as npt
 
 from common.geometry import Points
 from common.messages import MapUpdate
+
+_MARGIN_M = 1.0  # a place that moves less needs no look at all points
+
+
+@dataclass(frozen=True, slots=True)
+class _Around:
+    """The points less than `reach_m` from a place along both axes."""
+
+    x_m: float
+    y_m: float
+    reach_m: float
+    points_m: npt.NDArray[np.float32]
 
 
 class WallPointMap:
@@ -14,6 +29,7 @@ class WallPointMap:
 
     def __init__(self) -> None:
         self._points_m: npt.NDArray[np.float32] = np.zeros((0, 2), np.float32)
+        self._around = _Around(0.0, 0.0, -inf, self._points_m)
 
     def apply(self, update: MapUpdate) -> None:
         """An increment that does not continue the points is left out until the map begins anew."""
@@ -21,10 +37,19 @@ class WallPointMap:
             self._points_m = update.points_m
         elif update.start == len(self._points_m):
             self._points_m = np.concatenate([self._points_m, update.points_m])
+        self._around = _Around(0.0, 0.0, -inf, self._points_m)
 
     def near(self, x_m: float, y_m: float, reach_m: float) -> Points:
         """The points (N, 2) less than `reach_m` from a place along both axes."""
-        x, y = self._points_m.T
-        inside = (np.abs(x - np.float32(x_m)) < reach_m) & (np.abs(y - np.float32(y_m)) < reach_m)
-        points: Points = self._points_m[inside].astype(np.float64)
+        around = self._around
+        if max(abs(x_m - around.x_m), abs(y_m - around.y_m)) + reach_m > around.reach_m:
+            reach_around_m = reach_m + _MARGIN_M
+            kept = _within(self._points_m, x_m, y_m, reach_around_m)
+            around = self._around = _Around(x_m, y_m, reach_around_m, kept)
+        points: Points = _within(around.points_m, x_m, y_m, reach_m).astype(np.float64)
         return points
+
+
+def _within(points_m: npt.NDArray[np.float32], x_m: float, y_m: float, reach_m: float) -> npt.NDArray[np.float32]:
+    x, y = points_m.T
+    return points_m[(np.abs(x - np.float32(x_m)) < reach_m) & (np.abs(y - np.float32(y_m)) < reach_m)]

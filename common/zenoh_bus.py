@@ -54,6 +54,7 @@ class ZenohBus:
         self._inboxes: dict[str, Inbox[Any]] = {}
         self._outboxes: dict[str, Outbox[Any]] = {}
         self._replies = Replies()
+        self._step = 0  # counts the steps: within one, what was looked at stays as it is
         self._held: dict[str, list[Packed]] | None = None  # by bundle, while they are collected
         self._tokens: set[tuple[str, Release]] = set()
         self._recording: RecordingSubscriber | None = None
@@ -112,6 +113,7 @@ class ZenohBus:
     def bundling(self) -> Iterator[None]:
         """What is published within it, by this thread, leaves together at its end; outside, each message at once."""
         held = self._held = {}
+        self._step += 1
         try:
             yield
         finally:
@@ -224,7 +226,9 @@ class ZenohBus:
 
     def _looked_at(self, topic: Topic[P]) -> Inbox[P]:
         inbox = self._inbox(topic)
-        inbox.look()
+        if self._held is None or inbox.looked_in != self._step:
+            inbox.looked_in = self._step
+            inbox.look()
         return inbox
 
     def _on_token(self, sample: zenoh.Sample) -> None:
@@ -266,9 +270,14 @@ class _Recorded:
         self._key, self._recording, self._keep = key, recording, keep
 
     def store(self, arrival: Arrival) -> None:
-        if self._keep is not None and arrival.is_own:
+        if not arrival.is_own:
+            self._recording.store(self._key, arrival.data)
+            return
+        if self._keep is not None:
             self._keep(self._key, arrival.data)
-        self._recording.store(self._key, arrival.data)
+        assert arrival.envelope is not None
+        _, sequence, boot_id = arrival.envelope
+        self._recording.store_own(RecordedMessage(self._key, boot_id, sequence, arrival.data))
 
     def count_bad(self, problem: str) -> None:
         self._recording.count_bad(self._key, problem)

@@ -70,6 +70,7 @@ class Inbox(Generic[P]):
         self.newest: P | None = None
         self.arrived_s = float("-inf")
         self.sequences: dict[int, int] = {}
+        self.looked_in = -1  # the step of the node
         self._end, self._topic, self._clock = end, topic, clock
         self._decoder, self._refuses, self._arrived = decoder, refuses, arrived
         self._queue: deque[P] | None = None

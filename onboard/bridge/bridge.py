@@ -213,14 +213,16 @@ class Bridge:
     # --- to the board
 
     def _command(self, now_s: float) -> None:
+        lines: list[Message] = []
         for pace, message in self._wanted():
             if not pace.due(now_s):
                 continue
             if message is None:
                 self._link.write(STOP_BYTE)
             else:
-                self._link.send(message, now_s)
+                lines.append(message)
             self._heartbeats += pace is self._heartbeat
+        self._link.send(lines, now_s)
 
     def _wanted(self) -> Iterator[tuple[Pace, Message | None]]:
         """What the board is to receive, again and again until its reports show that it has; None is the stop byte."""

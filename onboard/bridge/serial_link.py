@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 
 from common.pace import Pace
@@ -97,9 +97,12 @@ class SerialLink:
         elif silent_s >= RESET_AFTER_S:
             self.close(f"no line for {RESET_AFTER_S:.0f} s")
 
-    def send(self, message: Message, now_s: float) -> None:
+    def send(self, messages: Sequence[Message], now_s: float) -> None:
+        """All of them in one write, which costs a wake-up of the driver."""
         assert self._started_s is not None
-        self.write(encode(message, int((now_s - self._started_s) * 1000.0)))
+        time_ms = int((now_s - self._started_s) * 1000.0)
+        if messages:
+            self.write(b"".join(encode(message, time_ms) for message in messages))
 
     def write(self, data: bytes) -> None:
         assert self._port is not None

@@ -100,11 +100,13 @@ class Comm:
         self._challenge = b""
         self._challenge_due_s = float("-inf")
         self._status = StatusReporter(self.name)
+        self._bus: Bus | None = None
+        self._mesh: TokenBus | None = None  # that bus, where it joins processes
 
     def step(self, bus: Bus, now_s: float) -> float:
         self._take_stops(bus)
         self._stops.step(now_s)
-        mesh = bus if isinstance(bus, TokenBus) else None
+        mesh = self._mesh_of(bus)
         tokens = mesh.alive_tokens() if mesh is not None else None
         readings = self._readings(bus, now_s, tokens)
         faults = release_faults(mesh.alive_releases(), own_release()) if mesh is not None else ()
@@ -127,6 +129,11 @@ class Comm:
         self._stops.close()
         if self._outbox is not None:
             self._outbox.close()
+
+    def _mesh_of(self, bus: Bus) -> TokenBus | None:
+        if bus is not self._bus:  # the check takes longer than the rest of a step
+            self._bus, self._mesh = bus, bus if isinstance(bus, TokenBus) else None
+        return self._mesh
 
     def _take_stops(self, bus: Bus) -> None:
         """Takes stops, releases, resumes and reports. A stop counts even where `valid` is false."""

@@ -8,6 +8,7 @@ microseconds and never waits for a disk. A power cut loses what a power cut may 
 from __future__ import annotations
 
 import os
+import struct
 import threading
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +20,7 @@ from common.recording import RecordedMessage
 
 _FOLDERS = (Path("/dev/shm"), Path("/run"))  # file systems in memory
 _LEFT_BYTES_MAX = 16_000_000
+_HEADER, _BYTES = struct.Struct(">BBB"), struct.Struct(">BI")
 
 
 def spool_folder(log_dir: Path) -> Path | None:
@@ -57,7 +59,9 @@ class Spool:
             if self._open < 0:
                 self._open = os.open(self._file(self._number), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
                 self._files.append(self._number)
-            os.write(self._open, msgpack.packb((key, data)))
+            # A list of two, text and bytes, written out in MessagePack
+            name = key.encode()
+            os.write(self._open, _HEADER.pack(0x92, 0xD9, len(name)) + name + _BYTES.pack(0xC6, len(data)) + data)
 
     def turn(self) -> int:
         """Begins another file; returns a mark for `forget`."""
