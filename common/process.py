@@ -142,6 +142,8 @@ class _Process:
         config = load_config(self._arguments.config)
         nodes = [factory(config, self._arguments) for factory in self._factories.values()]
         session = ROBOT_ROUTER if ROBOT_ROUTER in self._factories else next(iter(self._factories))
+        if self._leads_clock and self._arguments.clock == "shared":
+            session = CLOCK.producer  # linked with everybody, so that the clock goes on whoever ends
         clocks = {loop: _make_clock(self._arguments, self._leads_clock) for loop in {_loop_of(n.name) for n in nodes}}
         lease = lease_s(session, next(iter(clocks.values())).lease_s)
         self._end = ZenohEnd(session, config, self._mode, lease, tuple(self._factories))

@@ -52,4 +52,6 @@ class WallPointMap:
 
 def _within(points_m: npt.NDArray[np.float32], x_m: float, y_m: float, reach_m: float) -> npt.NDArray[np.float32]:
     x, y = points_m.T
-    return points_m[(np.abs(x - np.float32(x_m)) < reach_m) & (np.abs(y - np.float32(y_m)) < reach_m)]
+    inside = (np.abs(x - np.float32(x_m)) < reach_m) & (np.abs(y - np.float32(y_m)) < reach_m)
+    found: npt.NDArray[np.float32] = points_m[inside]
+    return found

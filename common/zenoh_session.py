@@ -3,7 +3,7 @@
 Robot: comm is the router, on loopback and, with keys, on one TLS address; the modules beside it are peers on loopback
 and keep their links when it goes. Laptop: the recorder is the router on loopback, and joins comm's over TLS; poi on its
 own board does that too, and the command center for its commands, so that a stop passes through nothing but comm. With
-everything on one machine all join comm's router. Modules that share comm's process share its session.
+everything on one machine it is the same, without TLS. Modules that share comm's process share its session.
 
 Peers know each other's addresses, and of two the later in NEIGHBOURS connects, again and again for as long as it takes.
 Zenoh's own way to find neighbours (gossip) announces each only once: a link that is lost while both keep their router
@@ -29,7 +29,7 @@ from common.clock import FREE_LEASE_S
 from common.config import Config
 from common.errors import StartError
 from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
-from common.messages import STOP
+from common.messages import CLOCK, STOP
 from common.modules import OFFBOARD, ON_ROBOT
 from common.recording import MESSAGE_BYTES_MAX
 
@@ -48,12 +48,13 @@ _ANSWER_QUEUE = 16  # batches of 64 kB, enough for an answer of RECENT_BYTES
 # Collected piece by piece before anybody may judge it: what a message is beside its payload is much less
 _TRANSPORTED_BYTES_MAX = MESSAGE_BYTES_MAX + 64_000
 _COMMANDS = "{} commands"  # the name of the session that carries nothing else
-# Peers on the robot, to whom others connect. Each has an address of its own on loopback, at the port of the router
-# beside it, so that several meshes go side by side. Who may be away comes late: few look for it
-NEIGHBOURS = tuple(name for name in ON_ROBOT if name != ROBOT_ROUTER)
+# Peers on the robot, and who leads a shared clock: to them others connect. Each has an address of its own on loopback,
+# at the port of the router beside it, so that several meshes go side by side
+NEIGHBOURS = (*(name for name in ON_ROBOT if name != ROBOT_ROUTER), CLOCK.producer)
 PEER_HOSTS = tuple(f"127.0.0.{i}" for i in range(2, 2 + len(NEIGHBOURS)))  # the routers have 127.0.0.1
 _THROUGH_ROUTER: Mode = "router"  # a router passes nothing from one peer to another, and no client begins without it
-_OFF_ROBOT = (*OFFBOARD, "simulator", "local")  # reach the robot through its router, as a laptop does over Wi-Fi
+# They reach the robot through the recorder's router, also where all is on one machine
+_OFF_ROBOT = (*OFFBOARD, "simulator", "local")
 _CLOSE_TIMEOUT_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -88,7 +89,7 @@ def main_channel(name: str, mode: Mode, config: Config) -> Channel:
         return _straight_to_robot(name, mode, config)
     if mode == "client":
         return Channel("client", connect=(mesh.router,))
-    return _beside_router(name, away, config)
+    return _beside_router(name, config)
 
 
 def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
@@ -97,7 +98,7 @@ def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
         return None
     if config.mesh.robot:
         return _straight_to_robot(name, mode, config)
-    return _beside_router(_COMMANDS.format(name), False, config)
+    return _beside_router(_COMMANDS.format(name), config)
 
 
 def lease_s(name: str, clock_lease_s: float) -> float:
@@ -105,11 +106,11 @@ def lease_s(name: str, clock_lease_s: float) -> float:
     return clock_lease_s if name in ON_ROBOT else max(clock_lease_s, LAPTOP_LEASE_S)
 
 
-def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
+def _beside_router(session: str, config: Config) -> Channel:
     """A peer's, on loopback: it connects to the router, and on the robot to the NEIGHBOURS before it."""
-    router = config.mesh.laptop_router if on_laptop else config.mesh.router
     if session in _OFF_ROBOT:
-        return Channel(_THROUGH_ROUTER, connect=(router,))
+        return Channel(_THROUGH_ROUTER, connect=(config.mesh.laptop_router,))
+    router = config.mesh.router
     port = router.rpartition(":")[2]
     addresses = {name: f"tcp/{host}:{port}" for name, host in zip(NEIGHBOURS, PEER_HOSTS, strict=True)}
     own = addresses.get(session)

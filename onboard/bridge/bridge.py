@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 from common.bus import Bus
 from common.config import Config
@@ -61,6 +61,8 @@ NOISE_LINES = 10  # damaged lines within NOISE_WINDOW_S that are worth a warning
 _WORKING = (CarState.READY, CarState.MOVING, CarState.BACKING_OFF)
 _JUST_AFTER_S = 0.001  # after its timeout a permit counts no longer, not at it
 _order = attrgetter(*(field.name for field in fields(DriveCommand) if field.name != "t_s"))
+P = TypeVar("P")
+
 _log = logging.getLogger("bridge")
 
 
@@ -80,6 +82,7 @@ class Bridge:
         self._car: CarSta | None = None
         self._stop: Stp | None = None
         self._carrier: CarrierReport | None = None  # the newest report
+        self._riding: list[tuple[Topic[Any], Any]] = []  # no news, not published yet
         self._heartbeat_counts = {"sim": 0, "car": 0}
         self._logged: dict[str, tuple[str, int]] = {}
         self._car_pace, self._car_error = StatusPace(), 0
@@ -96,9 +99,9 @@ class Bridge:
     def step(self, bus: Bus, now_s: float) -> float:
         try:
             self._step_stop(bus, now_s)
-            received = False
+            received = sensed = False
             for message, t_s in self._link.read(now_s):
-                received = True
+                received, sensed = True, sensed or isinstance(message, Odo)
                 self._publish(bus, message, t_s)
             if received:
                 self._judge(bus, now_s)
@@ -106,8 +109,10 @@ class Bridge:
                 self._command(now_s)
         except SerialLost as error:
             self._link.close(str(error))
-        # While lines come it waits for the last of them: whoever it wakes takes all together
-        if not self._link.receiving or now_s >= self._status.latest_s:
+            sensed = True
+        # What is no news travels in one bundle with the next odometry
+        if sensed or now_s >= self._status.latest_s:
+            self._publish_riding(bus)
             self._report(bus, now_s)
         return self._due_s(bus, now_s)
 
@@ -174,9 +179,11 @@ class Bridge:
             case Dst():
                 bus.publish(DISTANCES, translation.distances(message, t_s))
             case SimSta():
-                self._sim = message
+                last, self._sim = self._sim, message
                 self._heartbeat_counts["sim"] += 1
-                bus.publish(STATUS["sim"], translation.sim_status(message, t_s, self._heartbeat_counts["sim"]))
+                status = translation.sim_status(message, t_s, self._heartbeat_counts["sim"])
+                news = last is None or (last.state, last.error) != (message.state, message.error)
+                self._offer(bus, STATUS["sim"], status, news=news)
                 self._log_change("sim", SimState(message.state).name, message.error)
             case CarSta():
                 self._car = message
@@ -187,9 +194,8 @@ class Bridge:
                 urgent, self._car_error = message.error != self._car_error, message.error
                 if self._car_pace.due(t_s, urgent):
                     free_ram = self._sim.free_ram if self._sim is not None else 0
-                    bus.publish(
-                        STATUS["car"], translation.car_status(message, t_s, self._heartbeat_counts["car"], free_ram)
-                    )
+                    status = translation.car_status(message, t_s, self._heartbeat_counts["car"], free_ram)
+                    self._offer(bus, STATUS["car"], status, news=urgent)
 
             case Stp():
                 news, self._stop = message != self._stop, message
@@ -197,12 +203,25 @@ class Bridge:
                 if news:
                     self._publish_carrier(bus, t_s)
 
+    def _offer(self, bus: Bus, topic: Topic[P], payload: P, *, news: bool) -> None:
+        """Publishes news at once, after what rides; the rest rides."""
+        if news:
+            self._publish_riding(bus)
+            bus.publish(topic, payload)
+        else:
+            self._riding.append((topic, payload))
+
+    def _publish_riding(self, bus: Bus) -> None:
+        for topic, payload in self._riding:
+            bus.publish(topic, payload, news=False)
+        self._riding.clear()
+
     def _publish_carrier(self, bus: Bus, t_s: float) -> None:
         """Publishes the Carrier's report once both of its lines (CarSta, Stp) have come."""
         if self._car is not None and self._stop is not None:
             report = translation.carrier_report(self._car, self._stop, t_s, self._gate)
             last, self._carrier = self._carrier, report
-            bus.publish(CARRIER, report, news=last is None or _essence(last) != _essence(report))
+            self._offer(bus, CARRIER, report, news=last is None or _essence(last) != _essence(report))
 
     def _log_change(self, module: str, state: str, error: int) -> None:
         """Logs the state and error of SIM or Carrier when they change."""

@@ -41,9 +41,11 @@ def port(mesh: Mesh) -> int:
 def mmu(mesh: Mesh) -> Iterator[ZenohBus]:
     mesh.start("comm")
     until(lambda: "comm" in mesh.bus.alive_tokens(), 20.0, "the router")
+    laptop = ZenohBus("recorder", mesh.config, FreeClock(), "router")
     bus = ZenohBus("mmu", mesh.config, FreeClock())
     yield bus
     bus.close()
+    laptop.close()
 
 
 def start(mesh: Mesh) -> None:

@@ -129,7 +129,7 @@ def test_late_joiner_gets_the_newest_state_and_the_whole_map(open_bus: Open) -> 
         sender.publish(MAP, update)
     for revision in (1, 2):
         sender.publish(GRID, grid(revision))
-    late = open_bus("recorder")
+    late = open_bus("observer")
     updates = late.take(MAP)
 
     def whole() -> bool:
@@ -164,7 +164,7 @@ class _AnsweredAtOnce:
 
 def test_a_map_that_comes_within_the_first_take_is_whole(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     open_bus("comm", "router")
-    sender, late = open_bus("mmu"), open_bus("visualizer")
+    sender, late = open_bus("mmu"), open_bus("witness")
     for update in (wall(0, 3), wall(3, 2)):
         sender.publish(MAP, update)
     # A token is no sign that the publisher may be asked by now: its queryable travels on its own
@@ -176,7 +176,7 @@ def test_a_map_that_comes_within_the_first_take_is_whole(open_bus: Open, monkeyp
 
 def test_missed_increments_are_queried(open_bus: Open, config: Config) -> None:
     open_bus("comm", "router")
-    sender, receiver = open_bus("mmu"), open_bus("recorder")
+    sender, receiver = open_bus("mmu"), open_bus("observer")
     starts: list[int] = []
     receiver.take(MAP)
 
@@ -214,7 +214,7 @@ def test_a_query_that_is_refused_is_repeated(open_bus: Open, monkeypatch: pytest
     monkeypatch.setattr(sender._replies, "refuses", lambda *_: bool(refusals) and refusals.pop())
     for update in (wall(0, 3), wall(3, 2)):
         sender.publish(MAP, update)
-    late = open_bus("visualizer")
+    late = open_bus("witness")
     starts: list[int] = []
 
     def whole() -> bool:
@@ -261,6 +261,7 @@ def test_stop_has_a_connection_of_its_own_and_arrives(open_bus: Open) -> None:
 
 def test_everybody_who_obeys_or_watches_hears_an_operation_of_the_command_center(open_bus: Open) -> None:
     open_bus("comm", "router")
+    open_bus("recorder", "router")
     planner, local, centre = open_bus("planner"), open_bus("local"), open_bus("command_center")
     command = OperatorCommand(0.0, Operation.PAUSE)
 

@@ -9,6 +9,7 @@ import pytest
 
 from common.config import Config, MeshSection, apart
 from common.errors import StartError
+from common.modules import ON_ROBOT
 from common.zenoh_session import NEIGHBOURS, Channel, Mode, command_channel, main_channel
 
 certificates = pytest.importorskip("deploy.boards.certificates", reason="pip install cryptography")
@@ -33,7 +34,7 @@ def test_without_keys_all_join_the_router_of_comm_on_loopback() -> None:
     assert (recorder.listen, recorder.connect) == ((LAPTOP_ROUTER,), (ROUTER,))
     for module in MODULES:
         channel = main_channel(module, "peer", config)
-        assert channel.connect[0] == ROUTER
+        assert channel.connect[0] == (ROUTER if module in ON_ROBOT else LAPTOP_ROUTER)
         assert (command_channel(module, "peer", config) is not None) == (module == "command_center")
     assert main_channel("command_center", "client", config).connect == (ROUTER,)
     channels = [comm, recorder, *(main_channel(module, "peer", config) for module in MODULES)]
@@ -68,9 +69,9 @@ def test_who_shares_the_process_of_the_router_is_reached_there() -> None:
     assert poi.connect == (ROUTER, *bridge.listen)
 
 
-def test_what_is_no_part_of_the_robot_reaches_it_through_its_router() -> None:
+def test_what_is_no_part_of_the_robot_reaches_it_through_the_router_of_the_laptop() -> None:
     for module in ("visualizer", "command_center", "simulator", "local"):
-        assert main_channel(module, "peer", Config()) == Channel("router", connect=(ROUTER,))
+        assert main_channel(module, "peer", Config()) == Channel("router", connect=(LAPTOP_ROUTER,))
 
 
 def test_meshes_with_routers_of_their_own_share_no_address() -> None:
