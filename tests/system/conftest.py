@@ -136,7 +136,7 @@ def run_cli(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]
         cwd=options.pop("cwd", ROOT),
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=options.pop("timeout_s", 60.0),
         check=False,
         **options,
     )

@@ -74,6 +74,29 @@ def over(root: Path, folder: Path) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", merged], check=True)
 
 
+class Chroot:
+    """Runs programs in a root folder, in a network and with processes of its own; all of them end with the first."""
+
+    def __init__(self, root: Path, shown: dict[Path, str]) -> None:
+        """`shown`: folder here -> path inside."""
+        self.root = root
+        inside = {source: root / path.lstrip("/") for source, path in shown.items()}
+        for folder in inside.values():
+            folder.mkdir(parents=True, exist_ok=True)
+        mounts = [f"mount -t proc proc {root}/proc", f"mount --rbind /dev {root}/dev"]
+        mounts += [f"mount --bind {source} {folder}" for source, folder in inside.items()]
+        self._set_up = " && ".join(["ip link set lo up", *mounts])
+
+    def run(self, *words: str, timeout_s: float, **environment: str) -> subprocess.CompletedProcess[str]:
+        names = [
+            f"{name}={value}" for name, value in ({"PATH": "/usr/bin:/bin", "LC_ALL": "C.UTF-8"} | environment).items()
+        ]
+        inside = ["unshare", "--mount", "--net", "--pid", "--fork", "--kill-child", "bash", "-c"]
+        script = f'{self._set_up} && exec chroot {self.root} env -i "$@"'
+        command = [*inside, script, "_", *names, *words]
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout_s)
+
+
 @contextmanager
 def _alone(file: Path) -> Iterator[None]:
     with file.open("w") as lock:
