@@ -259,6 +259,9 @@ class _Handler(Generic[P]):
         if envelope is not None:
             self._handler(envelope.payload)
 
+    def has_come(self, *, news: bool) -> None:
+        """The handler was called already."""
+
     def count_bad(self, problem: str) -> None:
         self._decoder.undecodable.count(self._topic.key, problem)
 
@@ -278,6 +281,9 @@ class _Recorded:
         assert arrival.envelope is not None
         _, sequence, boot_id = arrival.envelope
         self._recording.store_own(RecordedMessage(self._key, boot_id, sequence, arrival.data))
+
+    def has_come(self, *, news: bool) -> None:
+        """It waits for the next look."""
 
     def count_bad(self, problem: str) -> None:
         self._recording.count_bad(self._key, problem)

@@ -7,7 +7,7 @@ as it is; it is encoded once, for all who are elsewhere and for who records it.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -51,9 +51,12 @@ class Arrival:
 
 
 class Reader(Protocol):
-    """Who reads a topic. Both are called by Zenoh's threads, or by a node that publishes: they must only store."""
+    """Who reads a topic. All are called by Zenoh's threads, or by a node that publishes: they must only store."""
 
     def store(self, arrival: Arrival) -> None: ...
+
+    def has_come(self, *, news: bool) -> None:
+        """Everything that came together is stored."""
 
     def count_bad(self, problem: str) -> None:
         """Something came on the topic that is no message."""
@@ -79,17 +82,22 @@ class Subscriptions:
                     f"{self._robot}/{key}", direct(partial(receive, key)), allowed_origin=zenoh.Locality.REMOTE
                 )
 
-    def deliver(self, topic_key: str, arrival: Arrival) -> None:
-        """To all who read the topic here."""
-        for reader in self._readers.get(topic_key, ()):
-            reader.store(arrival)
+    def deliver(self, messages: Iterable[tuple[str, Arrival]]) -> None:
+        """To all who read the topics here; nobody is woken before everything is there."""
+        came: dict[Reader, bool] = {}
+        for topic_key, arrival in messages:
+            for reader in self._readers.get(topic_key, ()):
+                reader.store(arrival)
+                came[reader] = came.get(reader, False) or arrival.news
+        for reader, news in came.items():
+            reader.has_come(news=news)
 
     def _receive(self, topic_key: str, sample: zenoh.Sample) -> None:
         if len(sample.payload) > MESSAGE_BYTES_MAX:
             for reader in self._readers[topic_key]:
                 reader.count_bad(f"{len(sample.payload)} bytes are too many")
             return
-        self.deliver(topic_key, Arrival(bytes(sample.payload), _signature_of(sample)))
+        self.deliver([(topic_key, Arrival(bytes(sample.payload), _signature_of(sample)))])
 
     def _receive_bundle(self, bundle_key: str, sample: zenoh.Sample) -> None:
         try:
@@ -99,8 +107,7 @@ class Subscriptions:
         except DecodeError as error:
             self._bad_bundles.count(bundle_key, str(error))
             return
-        for topic_key, data, news in messages:
-            self.deliver(topic_key, Arrival(data, news=news))
+        self.deliver((topic_key, Arrival(data, news=news)) for topic_key, data, news in messages)
 
 
 class ZenohEnd:
@@ -155,7 +162,7 @@ class ZenohEnd:
     def deliver(self, topic_key: str, arrival: Arrival) -> None:
         """What a node of this process has published: to those beside it."""
         for subscriptions in {id(s): s for s in (self._read, self._read_commands)}.values():
-            subscriptions.deliver(topic_key, arrival)
+            subscriptions.deliver([(topic_key, arrival)])
 
     def put_bundle(self, bundle_key: str, messages: list[bundle.Packed]) -> None:
         with self._lock:

@@ -134,7 +134,10 @@ class Inbox(Generic[P]):
         """Called by Zenoh's thread, or by a node of this process that publishes."""
         with self._lock:
             self._pending.append((self._clock.now_s(), arrival))
-        self._arrived(arrival.news)
+
+    def has_come(self, *, news: bool) -> None:
+        """Called after `store`."""
+        self._arrived(news)
 
     def count_bad(self, problem: str) -> None:
         """Called by Zenoh's thread."""
