@@ -11,6 +11,7 @@ import shlex
 import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
@@ -20,12 +21,13 @@ from common.plain_text import plain
 Output = Callable[[str], None]
 
 CONNECT_S = 10
-_ALIVE = ("-o", "ServerAliveInterval=5", "-o", "ServerAliveCountMax=3")  # a link that is cut ends a command in 15 s
+ALIVE_S = 5  # three times that without a sign of the board, and the link counts as cut
 _CUT = 255  # exit code of ssh itself
 _RSYNC_CUT = (10, 12, 30, 35, 255)  # of rsync: the link, not the disk
 # A user who is not root needs sudo without a password
 _AS_ROOT = '$( [ "$(id -u)" = 0 ] || echo sudo -n )'
-_SENT = re.compile(r"Total bytes sent: ([\d,.]+)")
+_LINK_BYTES = re.compile(r"Total bytes sent: ([\d,.]+)")
+_FILE_BYTES = re.compile(r"Total transferred file size: ([\d,.]+)")
 
 
 class BoardError(StartError):
@@ -34,6 +36,19 @@ class BoardError(StartError):
 
 class Unreachable(BoardError):
     """The board does not answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What rsync counted."""
+
+    link_bytes: int  # over the link
+    file_bytes: int  # of the files that were new or differed
+
+
+def _number(pattern: re.Pattern[str], text: str) -> int:
+    found = pattern.search(text)
+    return int(re.sub(r"\D", "", found[1])) if found else 0
 
 
 def last_line(text: str) -> str:
@@ -84,23 +99,22 @@ class Connection:
         return output
 
     def change(self, words: str, data: bytes = b"", timeout_s: float = 120.0, what: str = "") -> str:
-        """As `run`; with `dry_run` it is only shown, by `what` where the words are long."""
+        """As `run`; with `dry_run` it is only shown, by `what` where the words are many."""
         if self.dry_run:
             self.report(f"would run: {what or words}")
             return ""
         return self.run(words, data, timeout_s)
 
-    def send(self, source: Path, target: str, *options: str, timeout_s: float = 3600.0) -> int:
-        """A file or what is in a folder -> below `target`, by rsync; returns how many bytes went over the link."""
+    def send(self, source: Path, target: str, *options: str, timeout_s: float = 3600.0) -> Sent:
+        """What is in a folder -> into the folder `target`, by rsync; the option "--dry-run" only counts."""
         if self.dry_run:
-            self.report(f"would send: {source.name} -> {target}")
-            return 0
+            options = (*options, "--dry-run")
         arguments = [
-            *("rsync", "--archive", "--no-owner", "--no-group", "--stats", "--partial", "--timeout=20"),
+            *("rsync", "--archive", "--no-owner", "--no-group", "--stats", "--partial", f"--timeout={4 * ALIVE_S}"),
             *("--rsync-path", f"{_AS_ROOT} rsync", "-e", shlex.join(self._ssh())),
             *options,
-            f"{source}/" if source.is_dir() else str(source),
-            f"{self.address}:{target}",
+            f"{source}/",
+            f"{self.address}:{target}/",
         ]
         try:
             done = subprocess.run(arguments, capture_output=True, text=True, timeout=timeout_s, check=False)
@@ -110,8 +124,7 @@ class Connection:
             raise Unreachable(f"The link to {self.board} broke while it was sent {source.name}: {self._why(done)}.")
         if done.returncode != 0:
             raise BoardError(f"{self.board} did not take {source.name}: {self._why(done)}.")
-        sent = _SENT.search(done.stdout)
-        return int(re.sub(r"\D", "", sent[1])) if sent else 0
+        return Sent(*(_number(pattern, done.stdout) for pattern in (_LINK_BYTES, _FILE_BYTES)))
 
     @staticmethod
     def _why(done: subprocess.CompletedProcess[str]) -> str:
@@ -121,6 +134,7 @@ class Connection:
 
     def _ssh(self) -> Sequence[str]:
         return (
-            *("ssh", "-o", "BatchMode=yes", "-o", f"ConnectTimeout={CONNECT_S}", *_ALIVE),
+            *("ssh", "-o", "BatchMode=yes", "-o", f"ConnectTimeout={CONNECT_S}"),
+            *("-o", f"ServerAliveInterval={ALIVE_S}", "-o", "ServerAliveCountMax=3"),
             *("-o", "ControlMaster=auto", "-o", "ControlPersist=60", "-o", f"ControlPath={self._sockets.name}/%C"),
         )

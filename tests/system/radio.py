@@ -31,8 +31,9 @@ class Radio:
     """`here` and `there` are the addresses of its ends; a command that begins with `enter` runs on the far machine."""
 
     def __init__(self, seed: int = 0) -> None:
-        name = f"im{os.getpid()}x{next(_NAMES)}"
-        net = f"10.{201 + os.getpid() % 50}.{os.getpid() // 50 % 250}"
+        number = next(_NAMES)
+        name = f"im{os.getpid()}x{number}"
+        net = f"10.{201 + os.getpid() % 50}.{(os.getpid() // 50 + number) % 250}"
         self.here, self.there = f"{net}.1", f"{net}.2"
         self.enter = ("ip", "netns", "exec", name)
         self.up, self.loss, self.delay_s = True, 0.0, 0.0

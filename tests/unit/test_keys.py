@@ -12,7 +12,7 @@ import pytest
 from common.access import ROLES
 from common.errors import StartError
 from common.keys import AUTHORITY, CERTIFICATE, COMMAND_KEY, PRIVATE_KEY, checked_folder, read_command_key
-from deploy.verbs.deployment import hosts_of
+from deploy.verbs.keys import hosts_of
 
 certificates = pytest.importorskip("deploy.boards.certificates", reason="pip install cryptography")
 LATER = datetime.now(UTC) + timedelta(days=1)

@@ -1,0 +1,93 @@
+"""Prepares a bare board with Debian: clock, packages, user, folders, its keys. What is there already stays as it is."""
+
+from __future__ import annotations
+
+import io
+import shlex
+import tarfile
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from common.config import Config
+from common.errors import StartError
+from deploy.boards import layout
+from deploy.boards.checks import CLOCK_OFF_S, roles_on
+from deploy.boards.probe import Facts, clock_offset_s
+from deploy.boards.ssh import BoardError, Connection
+
+_APT = "DEBIAN_FRONTEND=noninteractive apt-get"
+_APT_S = 1800.0
+_DEBS = "/var/cache/indoor-mapping-debs"
+
+
+def bootstrap(connection: Connection, config: Config, facts: Facts, debs: Path | None) -> None:
+    """`debs`: a folder of Debian packages for a board without a network. Raises StartError."""
+    board = connection.board
+    if abs(facts.clock_offset_s) > CLOCK_OFF_S:
+        set_clock(connection)
+    if facts.missing_packages:
+        _install_packages(connection, facts.missing_packages, debs)
+    if not facts.has_user:
+        connection.change(
+            f"useradd --system --user-group --home-dir {layout.STATE} --shell /usr/sbin/nologin {layout.USER}"
+        )
+    connection.change(
+        f"install -d -m 755 {layout.HOME} {layout.RELEASES} && "
+        f"install -d -m 750 -o {layout.USER} -g {layout.USER} {layout.STATE} && "
+        f"install -d -m 711 $(dirname {layout.KEYS}) {layout.KEYS}"
+    )
+    for role in roles_on(config, board):
+        _send_keys(connection, Path(config.mesh.keys).expanduser() / role)
+
+
+def set_clock(connection: Connection) -> None:
+    """To this machine's."""
+    if connection.dry_run:
+        connection.report("would set its clock")
+        return
+    connection.run(f"date -s @{time.time():.3f} >/dev/null")
+    connection.report(f"its clock is set, {clock_offset_s(connection):+.2f} s off now")
+
+
+def _install_packages(connection: Connection, packages: Iterable[str], debs: Path | None) -> None:
+    connection.report(f"installing {', '.join(packages)} ...")
+    if debs is None:
+        words = f"{_APT} update -qq >/dev/null && {_APT} install -qq -y --no-install-recommends {' '.join(packages)}"
+        try:
+            connection.change(f"{words} >/dev/null", timeout_s=_APT_S)
+        except BoardError as error:
+            hint = "without a network there, give a folder of .deb files with --debs"
+            raise StartError(f"{str(error).rstrip('.')}: {hint}.") from error
+        return
+    files = sorted(debs.glob("*.deb"))
+    if not files:
+        raise StartError(f"{debs} holds no .deb files.")
+    data = b"" if connection.dry_run else _archive(files)
+    install = f"{_APT} install -qq -y --no-download --no-install-recommends {_DEBS}/*.deb >/dev/null"
+    connection.change(
+        f"mkdir -p {_DEBS} && tar x -C {_DEBS} && {install} && rm -r {_DEBS}",
+        data,
+        _APT_S,
+        f"install {len(files)} packages of {debs}",
+    )
+
+
+def _send_keys(connection: Connection, folder: Path) -> None:
+    """The folder of one role, for nobody but the services."""
+    target = shlex.quote(f"{layout.KEYS}/{folder.name}")
+    connection.change(
+        f"rm -rf {target} && install -d -m 700 {target} && tar x -C {target} && chmod 600 {target}/* && "
+        f"chown -R {layout.USER}:{layout.USER} {target}",
+        _archive(sorted(folder.iterdir())),
+        what=f"copy the keys of {folder.name}",
+    )
+
+
+def _archive(files: Iterable[Path]) -> bytes:
+    """A tar: for what a board takes before it has rsync."""
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w") as archive:
+        for file in files:
+            archive.add(file, arcname=file.name)
+    return buffer.getvalue()
