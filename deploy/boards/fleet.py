@@ -129,6 +129,10 @@ def _switch_all(fleet: Fleet, releases: Mapping[str, str], facts: Mapping[str, F
     """Board by board; where one does not run its release, those before it go back to theirs."""
     switched: list[Connection] = []
     for connection in fleet.each():
+        known = facts.get(connection.board)
+        if known is not None and known.runs(releases[connection.board]):
+            connection.report(f"runs {known.release} already")
+            continue
         connection.report("switching ...")
         try:
             result = switch(connection, releases[connection.board])

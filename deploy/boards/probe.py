@@ -59,6 +59,10 @@ class Facts:
     units: Mapping[str, tuple[str, str]]  # name -> state of systemd, number of restarts
     files: frozenset[str]  # of those that were looked for
 
+    def runs(self, release: str) -> bool:
+        """That release, and every one of its services."""
+        return release == self.release and all(state == "active" for state, _ in self.units.values())
+
     @property
     def may_move(self) -> bool:
         """comm runs, and has granted the permit to move."""

@@ -56,6 +56,8 @@ def start(unit):
         receiver.bind(str(address))
         environment["NOTIFY_SOCKET"] = str(address)
     journal = (STATE / f"{unit}.journal").open("ab")
+    stream = os.fstat(journal.fileno())
+    environment["JOURNAL_STREAM"] = f"{stream.st_dev}:{stream.st_ino}"
     process = subprocess.Popen(
         shlex.split(command[-1]), env=environment, stdin=subprocess.DEVNULL, stdout=journal, stderr=journal, cwd="/",
         start_new_session=True,
