@@ -135,7 +135,8 @@ def _service(process: str, needs: _Needs, before: Iterable[str]) -> str:
         "CPUWeight": str(needs.cpu_weight),
         "Nice": str(needs.nice),
     }
-    environment = [("Environment", f"{name}={value}") for name, value in _ENVIRONMENT.items()]
+    # In quotes, or systemd would end a value at its first blank
+    environment = [("Environment", f'"{name}={value}"') for name, value in _ENVIRONMENT.items()]
     # No device of its own: then all of them are out of sight
     private = [] if needs.devices else [("PrivateDevices", "yes")]
     devices = [("DevicePolicy", "closed"), *(("DeviceAllow", f"{device} rw") for device in needs.devices)]

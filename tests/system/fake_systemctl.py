@@ -47,7 +47,7 @@ def start(unit):
     if not command:
         return False
     environment = dict(os.environ, RUNTIME_DIRECTORY="/run/indoor-mapping")
-    environment.update(line.partition("=")[::2] for line in values(unit, "Environment"))
+    environment.update(shlex.split(line)[0].partition("=")[::2] for line in values(unit, "Environment"))
     Path("/run/indoor-mapping").mkdir(exist_ok=True)
     receiver = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     receiver.settimeout(0.05)
