@@ -14,6 +14,7 @@ from deploy.boards import checks, fleet, services
 from deploy.boards.fleet import Fleet, Refused, open_fleet
 from deploy.boards.probe import Facts, clock_offset_s, probe
 from deploy.boards.tree import Tree, assemble
+from deploy.verbs.flash import add_flash_verb
 from deploy.verbs.keys import add_keys_verb, make_missing_keys
 
 CONFIG = Path("robot.toml")
@@ -26,6 +27,7 @@ def add_verbs(verbs: Any) -> None:
     )
     tasks = deploy.add_subparsers(dest="task", metavar="TASK", required=True)
     add_keys_verb(tasks, CONFIG)
+    add_flash_verb(tasks, CONFIG)
     _add(tasks, "check", _check, "everything that stands in the way of a push; changes nothing")
     bootstrap = _add(tasks, "bootstrap", _bootstrap, "prepare bare boards: clock, packages, user, folders, keys")
     bootstrap.add_argument(

@@ -6,6 +6,7 @@ They need root, and Debian's packages mmdebstrap and, for a BeagleBone, qemu-use
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
 import shutil
 import subprocess
@@ -44,7 +45,8 @@ def need_arm() -> None:
 def debian_root(architecture: str, suite: str, packages: tuple[str, ...]) -> Path:
     """From the cache, or made: some minutes. Nothing may be written into it: see `over`."""
     need("mmdebstrap")
-    root = CACHE / "roots" / f"{architecture}-{suite}"
+    holds = hashlib.sha256(",".join(packages).encode()).hexdigest()[:8]
+    root = CACHE / "roots" / f"{architecture}-{suite}-{holds}"
     root.parent.mkdir(parents=True, exist_ok=True)
     with _alone(root.parent / f"{root.name}.lock"):
         if not root.exists():

@@ -24,6 +24,7 @@ import pytest
 from common.config import BridgeSection, Config, MeshSection, config_text
 from common.messages import ODOMETRY, RANGES
 from deploy.boards.layout import CURRENT, PYTHONPATH
+from deploy.boards.tree import assemble
 from offboard.evaluate.figures import map_figures, pose_figures
 from offboard.evaluate.free_space import FreeSpace, wall_samples
 from offboard.runs.run_database import RunReader
@@ -46,10 +47,9 @@ INSIDE = {"PYTHONPATH": f"{PYTHONPATH}:{SOURCES}", "PYTHONDONTWRITEBYTECODE": "1
 def board(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chroot]:
     need("unshare=util-linux", "ip=iproute2", "mmdebstrap")
     need_arm()
-    tree = pytest.importorskip("deploy.boards.tree")
     config = Config()
     config = replace(config, beaglebone=replace(config.beaglebone, debian=request.param))
-    made = tree.assemble(config, ["beaglebone"], CACHE, print)["beaglebone"]
+    made = assemble(config, ["beaglebone"], CACHE, print)["beaglebone"]
     root = debian_root("armhf", SUITES[request.param], PACKAGES)
     with over(root, tmp_path_factory.mktemp("layer")) as merged:
         shown = {made.own / "app": f"{CURRENT}/app", made.site: f"{CURRENT}/site", ROOT / "tests": f"{SOURCES}/tests"}

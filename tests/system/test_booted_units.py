@@ -12,6 +12,7 @@ import pytest
 
 from common.config import Config
 from deploy.boards.layout import CURRENT, STATE, TARGET, UNITS, USER, unit_name
+from deploy.boards.tree import assemble
 from deploy.boards.units import WATCHDOG_S
 from tests.system.container import Container
 from tests.system.debian import CACHE, debian_root, need
@@ -24,10 +25,9 @@ PACKAGES = ("systemd-sysv", "dbus", "python3")
 @pytest.fixture(scope="module")
 def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Container]:
     need("systemd-nspawn=systemd-container", "nsenter=util-linux", "ip=iproute2")
-    tree = pytest.importorskip("deploy.boards.tree")
     config = Config()
     config = replace(config, beaglebone=replace(config.beaglebone, platform=os.uname().machine))
-    made = tree.assemble(config, ["beaglebone"], CACHE, print)["beaglebone"]
+    made = assemble(config, ["beaglebone"], CACHE, print)["beaglebone"]
     shown = {made.own / "app": f"{CURRENT}/app", made.site: f"{CURRENT}/site"}
     shown[made.own / "robot.toml"] = f"{CURRENT}/robot.toml"
     shown |= {unit: f"{UNITS}/{unit.name}" for unit in (made.own / "units").iterdir()}
