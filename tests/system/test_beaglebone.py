@@ -1,6 +1,6 @@
 """What a BeagleBone gets, in its own Debian: the assembled tree under an emulated ARM, with Debian's Python and numpy.
 
-Ten minutes for each Debian the first time, for its root folder; later three. An emulated ARM is about ten times slower
+Two minutes for each Debian, the first time four or more, for its root folder. An emulated ARM is about ten times slower
 than this machine, a BeagleBone two or three times slower than that: no time is asserted here.
 """
 

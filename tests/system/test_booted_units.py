@@ -1,4 +1,4 @@
-"""The units of a BeagleBone in a booted systemd: start, order, watchdog, restart, stop. A minute, and once five more
+"""The units of a BeagleBone in a booted systemd: start, order, watchdog, restart, stop. A minute, and once another
 for the root folder."""
 
 from __future__ import annotations
