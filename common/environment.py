@@ -10,6 +10,4 @@ PROCESS_ENVIRONMENT = {
     "MALLOC_ARENA_MAX": "2",
     "MALLOC_MMAP_THRESHOLD_": "131072",
     "MALLOC_TRIM_THRESHOLD_": "1000000",
-    # Zenoh wakes a second receiving thread to help the first; a message of ours is not worth that
-    "ZENOH_RUNTIME": "(rx: (worker_threads: 1))",
 }

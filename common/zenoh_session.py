@@ -53,8 +53,9 @@ _COMMANDS = "{} commands"  # the name of the session that carries nothing else
 NEIGHBOURS = (*(name for name in ON_ROBOT if name != ROBOT_ROUTER), CLOCK.producer)
 PEER_HOSTS = tuple(f"127.0.0.{i}" for i in range(2, 2 + len(NEIGHBOURS)))  # the routers have 127.0.0.1
 _THROUGH_ROUTER: Mode = "router"  # a router passes nothing from one peer to another, and no client begins without it
-# They reach the robot through the recorder's router, also where all is on one machine
-_OFF_ROBOT = (*OFFBOARD, "simulator", "local")
+# They reach the robot through the recorder's router, also where all is on one machine; who stops it does not depend on
+# that
+_BEHIND_RECORDER = (*(name for name in OFFBOARD if name != STOP.producer), "simulator", "local")
 _CLOSE_TIMEOUT_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -89,7 +90,7 @@ def main_channel(name: str, mode: Mode, config: Config) -> Channel:
         return _straight_to_robot(name, mode, config)
     if mode == "client":
         return Channel("client", connect=(mesh.router,))
-    return _beside_router(name, config)
+    return _beside_router(name, away, config)
 
 
 def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
@@ -98,7 +99,7 @@ def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
         return None
     if config.mesh.robot:
         return _straight_to_robot(name, mode, config)
-    return _beside_router(_COMMANDS.format(name), config)
+    return _beside_router(_COMMANDS.format(name), False, config)
 
 
 def lease_s(name: str, clock_lease_s: float) -> float:
@@ -106,11 +107,13 @@ def lease_s(name: str, clock_lease_s: float) -> float:
     return clock_lease_s if name in ON_ROBOT else max(clock_lease_s, LAPTOP_LEASE_S)
 
 
-def _beside_router(session: str, config: Config) -> Channel:
+def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
     """A peer's, on loopback: it connects to the router, and on the robot to the NEIGHBOURS before it."""
-    if session in _OFF_ROBOT:
+    if on_laptop or session in _BEHIND_RECORDER:
         return Channel(_THROUGH_ROUTER, connect=(config.mesh.laptop_router,))
     router = config.mesh.router
+    if session == STOP.producer:
+        return Channel(_THROUGH_ROUTER, connect=(router,))
     port = router.rpartition(":")[2]
     addresses = {name: f"tcp/{host}:{port}" for name, host in zip(NEIGHBOURS, PEER_HOSTS, strict=True)}
     own = addresses.get(session)
@@ -142,7 +145,7 @@ def session_config(channel: Channel, lease_s: float = FREE_LEASE_S) -> zenoh.Con
         "transport/unicast/open_timeout": round(1000 * _OPEN_TIMEOUT_S),
         "transport/link/rx/max_message_size": _TRANSPORTED_BYTES_MAX,
         "transport/link/tx/lease": round(1000 * lease_s),
-        "transport/link/tx/keep_alive": 2,  # of those ten times a second that most links carry bundles anyway
+        "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/real_time": 16,
         "transport/link/tx/queue/size/data": _ANSWER_QUEUE,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(1e6 * _BLOCKED_S),

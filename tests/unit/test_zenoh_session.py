@@ -34,7 +34,7 @@ def test_without_keys_all_join_the_router_of_comm_on_loopback() -> None:
     assert (recorder.listen, recorder.connect) == ((LAPTOP_ROUTER,), (ROUTER,))
     for module in MODULES:
         channel = main_channel(module, "peer", config)
-        assert channel.connect[0] == (ROUTER if module in ON_ROBOT else LAPTOP_ROUTER)
+        assert channel.connect[0] == (ROUTER if module in (*ON_ROBOT, "command_center") else LAPTOP_ROUTER)
         assert (command_channel(module, "peer", config) is not None) == (module == "command_center")
     assert main_channel("command_center", "client", config).connect == (ROUTER,)
     channels = [comm, recorder, *(main_channel(module, "peer", config) for module in MODULES)]
@@ -70,7 +70,7 @@ def test_who_shares_the_process_of_the_router_is_reached_there() -> None:
 
 
 def test_what_is_no_part_of_the_robot_reaches_it_through_the_router_of_the_laptop() -> None:
-    for module in ("visualizer", "command_center", "simulator", "local"):
+    for module in ("visualizer", "simulator", "local"):
         assert main_channel(module, "peer", Config()) == Channel("router", connect=(LAPTOP_ROUTER,))
 
 
