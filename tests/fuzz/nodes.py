@@ -69,7 +69,7 @@ class WireBus(LocalBus):
             return  # nobody decodes it here
         envelope = self.reader.decode(topic, data)
         if envelope is not None:
-            self._receive(topic, envelope.payload)
+            self._receive(topic, envelope.payload, news=True)
 
     def record(self, topics: Iterable[Topic[Any]], known: Mapping[tuple[str, int], int]) -> None:
         self.recorded_keys = {topic.key for topic in topics}

@@ -51,6 +51,7 @@ def storm(name: str, count: int, seed: int, longest: int | None = None) -> Outco
     ours, theirs = context.Pipe()
     process = context.Process(target=_node, args=(name, theirs), daemon=True)
     process.start()
+    theirs.close()  # or a node that has ended would be sent to for ever
     period_s, keys, usual_longest, by_outbox = ours.recv()
     topics: tuple[Topic[Any], ...] = tuple(topic for topic in TOPICS if topic.key in keys)
     permit = name != "bridge"  # of all nodes it alone starts motors, and without a permit it must not
