@@ -10,7 +10,8 @@ import re
 import shlex
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -21,11 +22,13 @@ from common.plain_text import plain
 Output = Callable[[str], None]
 
 CONNECT_S = 10
+PROGRESS_S = 10.0  # so often a long transfer is reported
 ALIVE_S = 5  # three times that without a sign of the board, and the link counts as cut
 _CUT = 255  # exit code of ssh itself
 _RSYNC_CUT = (10, 12, 30, 35, 255)  # of rsync: the link, not the disk
 # A user who is not root needs sudo without a password
 _AS_ROOT = '$( [ "$(id -u)" = 0 ] || echo sudo -n )'
+_PROGRESS = re.compile(r"\s*[\d,.]+\S*\s+(\d+%)")
 _LINK_BYTES = re.compile(r"Total bytes sent: ([\d,.]+)")
 _FILE_BYTES = re.compile(r"Total transferred file size: ([\d,.]+)")
 
@@ -44,6 +47,12 @@ class Sent:
 
     link_bytes: int  # over the link
     file_bytes: int  # of the files that were new or differed
+
+
+def _first_complaint(text: str) -> str:
+    """Of rsync: the last ones are about its own end."""
+    lines = [line for line in text.splitlines() if line.startswith("rsync")] or text.splitlines()
+    return last_line(lines[0] if lines else "")
 
 
 def _number(pattern: re.Pattern[str], text: str) -> int:
@@ -105,32 +114,40 @@ class Connection:
             return ""
         return self.run(words, data, timeout_s)
 
-    def send(self, source: Path, target: str, *options: str, timeout_s: float = 3600.0) -> Sent:
+    def send(self, source: Path, target: str, *options: str) -> Sent:
         """What is in a folder -> into the folder `target`, by rsync; the option "--dry-run" only counts."""
         if self.dry_run:
             options = (*options, "--dry-run")
         arguments = [
-            *("rsync", "--archive", "--no-owner", "--no-group", "--stats", "--partial", f"--timeout={4 * ALIVE_S}"),
-            *("--rsync-path", f"{_AS_ROOT} rsync", "-e", shlex.join(self._ssh())),
+            *("rsync", "--archive", "--no-owner", "--no-group", "--stats", "--info=progress2", "--partial"),
+            *(f"--timeout={4 * ALIVE_S}", "--rsync-path", f"{_AS_ROOT} rsync", "-e", shlex.join(self._ssh())),
             *options,
             f"{source}/",
             f"{self.address}:{target}/",
         ]
-        try:
-            done = subprocess.run(arguments, capture_output=True, text=True, timeout=timeout_s, check=False)
-        except subprocess.TimeoutExpired:
-            raise Unreachable(f"{self.board} took nothing more of {source.name}.") from None
-        if done.returncode in _RSYNC_CUT:
-            raise Unreachable(f"The link to {self.board} broke while it was sent {source.name}: {self._why(done)}.")
-        if done.returncode != 0:
-            raise BoardError(f"{self.board} did not take {source.name}: {self._why(done)}.")
-        return Sent(*(_number(pattern, done.stdout) for pattern in (_LINK_BYTES, _FILE_BYTES)))
+        with tempfile.TemporaryFile("w+", errors="replace") as complaints:
+            with subprocess.Popen(
+                arguments, stdout=subprocess.PIPE, stderr=complaints, text=True, errors="replace"
+            ) as rsync:
+                assert rsync.stdout is not None
+                output = "".join(self._watched(rsync.stdout))
+            complaints.seek(0)
+            why = _first_complaint(complaints.read())
+        if rsync.returncode in _RSYNC_CUT:
+            raise Unreachable(f"The link to {self.board} broke while it was sent {source.name}: {why}.")
+        if rsync.returncode != 0:
+            raise BoardError(f"{self.board} did not take {source.name}: {why}.")
+        return Sent(*(_number(pattern, output) for pattern in (_LINK_BYTES, _FILE_BYTES)))
 
-    @staticmethod
-    def _why(done: subprocess.CompletedProcess[str]) -> str:
-        """The first complaint of rsync: the last ones are about its own end."""
-        lines = [line for line in done.stderr.splitlines() if line.startswith("rsync")] or done.stderr.splitlines()
-        return last_line(lines[0] if lines else "")
+    def _watched(self, lines: Iterable[str]) -> Iterator[str]:
+        """The lines of rsync, of which those on its progress are reported now and then."""
+        due_s = time.monotonic() + PROGRESS_S
+        for line in lines:
+            progress = _PROGRESS.match(line)
+            if progress is not None and time.monotonic() >= due_s:
+                due_s = time.monotonic() + PROGRESS_S
+                self.report(f"{progress[1]} of what is new is there")
+            yield line
 
     def _ssh(self) -> Sequence[str]:
         return (

@@ -108,6 +108,7 @@ def _check(boards: Fleet, arguments: argparse.Namespace) -> int:
 def _bootstrap(boards: Fleet, arguments: argparse.Namespace) -> int:
     from deploy.boards.bootstrap import bootstrap
 
+    boards.refuse_while_moving()
     for connection in boards.each():
         connection.report("preparing ...")
         bootstrap(connection, boards.config, probe(connection, boards.config), arguments.debs)

@@ -28,6 +28,7 @@ def add_keys_verb(tasks: Any, config_file: Path) -> None:
     )
     keys.add_argument("--config", type=Path, default=config_file, help="robot.toml, for both defaults (robot.toml)")
     keys.add_argument("--replace", action="store_true", help="make new keys where there are some already")
+    keys.add_argument("--dry-run", action="store_true", help="show what would be done, and do nothing")
     keys.set_defaults(run=_keys)
 
 
@@ -37,7 +38,13 @@ def _keys(arguments: argparse.Namespace) -> int:
     hosts = hosts_of(arguments.machine) if arguments.machine else hosts_of_config(config)
     if arguments.to is None and not config.mesh.keys:
         raise StartError("Name the folder with --to, or as [mesh] keys in robot.toml.")
-    _make(arguments.to or Path(config.mesh.keys), hosts, replace=arguments.replace)
+    folder = arguments.to or Path(config.mesh.keys)
+    if arguments.dry_run:
+        sys.stdout.write(
+            f"Would make keys in {folder} for {', '.join(host for names in hosts.values() for host in names)}.\n"
+        )
+        return 0
+    _make(folder, hosts, replace=arguments.replace)
     return 0
 
 

@@ -38,7 +38,7 @@ class Inside(Connection):
     def command(self, words: str) -> list[str]:
         return [*self._enter, "sh", "-c", words]
 
-    def send(self, source: Path, target: str, *options: str, timeout_s: float = 60.0) -> Sent:
+    def send(self, source: Path, target: str, *options: str) -> Sent:
         packed = subprocess.run(["tar", "c", "-C", source, "."], capture_output=True, check=True).stdout
         self.run(f"mkdir -p {target} && tar x -C {target} --no-same-owner", packed)
         return Sent(len(packed), len(packed))
