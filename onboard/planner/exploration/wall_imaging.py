@@ -218,6 +218,8 @@ def wall_normals(grid: GridMap) -> FloatArray:
 
 def _normals_at(grid: GridMap, cells: Cells) -> FloatArray:
     """Of wall cells (N, 2): the minor axis (N,) of the second moments of the wall cells around each; NaN at a blot."""
+    if not len(cells):  # the grid may be smaller than the window
+        return np.empty(0)
     walls = np.pad(grid.cells == WALL, LINE_REACH_CELLS).astype(np.float32)
     side = 2 * LINE_REACH_CELLS + 1
     around = sliding_window_view(walls, (side, side))[tuple(cells.T)].reshape(len(cells), side * side)
