@@ -68,8 +68,8 @@ def piloted(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 class Wire(LocalMesh):
     """What arrives has been bytes: it is as the codec lets it in."""
 
-    def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage) -> None:
-        super().deliver(topic, decode(message.data, topic.payload).payload, message)
+    def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage, *, news: bool) -> None:
+        super().deliver(topic, decode(message.data, topic.payload).payload, message, news=news)
 
 
 class Rig:
