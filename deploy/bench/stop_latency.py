@@ -24,7 +24,7 @@ from deploy.bench.order import Order
 from deploy.bench.relay import Relay
 from deploy.bench.waiting import BenchFailed, until
 from deploy.local.ports import reserve_port
-from deploy.local.process_table import PROCESSES
+from deploy.local.process_table import program_of
 from deploy.local.supervisor import Supervisor
 from offboard.command_center.operations import Answer
 from offboard.command_center.operator_client import operate, press_stop, request_release
@@ -94,8 +94,9 @@ class StopMesh:
         (folder / "laptop.toml").write_text(config_text(across), encoding="utf-8")
         common = ["--config", str(folder / "robot.toml"), "--log-dir", str(folder)]
         self._start("simulator", [*common, "--floor", str(floor_path(FLOOR).resolve())], restart=False)
-        for name in ("comm", "mmu", "planner"):
-            self._start(name, common)
+        for process in self.robot.beaglebone.processes:
+            if process != "bridge":
+                self._start(process, common)
         across_common = ["--config", str(folder / "laptop.toml"), "--log-dir", str(folder)]
         self._start("recorder", [*across_common, "--run-dir", str(folder / "run")])
         until(serial.exists, _WAIT_S, "the serial port")
@@ -105,7 +106,7 @@ class StopMesh:
         until(self._granted, STARTUP_GRACE_S, "the permit")
 
     def _start(self, name: str, arguments: list[str], *, restart: bool = True) -> None:
-        self._supervisor.start(name, (PROCESSES[name],), arguments, restart)
+        self._supervisor.start(name, program_of(name), arguments, restart)
 
     def _join(self) -> ZenohBus:
         return ZenohBus("command_center", self._across, FreeClock(), "client")
