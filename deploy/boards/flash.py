@@ -17,7 +17,7 @@ from common.plain_text import plain
 from deploy.boards.ssh import BoardError, Connection, Output
 from onboard.bridge.serial_port import SerialLost, SerialPort
 
-TIMEOUT_S = 100.0  # avrdude 7.1 never ends when its port goes away
+TIMEOUT_S = 100.0  # avrdude 7.1 was seen to go on for ever without its port
 # The Mega's bootloader speaks STK500v2 and cannot erase the chip (-D)
 _AVRDUDE = ("timeout", f"{TIMEOUT_S:g}", "avrdude", "-q", "-p", "atmega2560", "-c", "wiring", "-D")
 _OTHER_CONTENT = "verification mismatch"
