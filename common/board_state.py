@@ -15,6 +15,7 @@ from pathlib import Path
 from common.bus import Bus
 from common.constants import BOARD_RATE_HZ
 from common.messages import BOARD, BoardState
+from common.pace import Pace
 from common.release import own_release
 
 
@@ -23,11 +24,10 @@ class BoardReporter:
 
     def __init__(self, module: str, folder: Path, wall_clock: Callable[[], float] = time.time) -> None:
         self._topic, self._folder, self._wall_clock = BOARD[module], folder, wall_clock
-        self._due_s = float("-inf")
+        self._pace = Pace(1.0 / BOARD_RATE_HZ)
 
     def report(self, bus: Bus, now_s: float) -> None:
-        if now_s >= self._due_s:
-            self._due_s = now_s + 1.0 / BOARD_RATE_HZ
+        if self._pace.due(now_s):
             bus.publish(self._topic, read_board_state(now_s, self._wall_clock(), self._folder))
 
 

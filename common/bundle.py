@@ -43,8 +43,3 @@ def unpack(bundle_key: str, data: bytes) -> list[Packed]:
         if message[0] not in topics:
             raise DecodeError("a message that does not belong into this bundle")
     return list(messages)
-
-
-def topics_of(bundle_key: str) -> tuple[Topic[Any], ...]:
-    """The topics whose messages travel in that bundle."""
-    return tuple(_TOPICS_OF[bundle_key].values())

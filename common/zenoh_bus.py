@@ -211,18 +211,15 @@ class ZenohBus:
         """The topic's inbox; made at its first use."""
         inbox: Inbox[P] | None = self._inboxes.get(topic.key)
         if inbox is None:
-            arrived = self._arrived_to_wake if topic.key in self._wakes_on else self._arrived
+            arrived = partial(self._arrived, topic.key in self._wakes_on)
             inbox = Inbox(self._end, topic, self._clock, self._decoder, self.gate.refuses, arrived)
             self._inboxes[topic.key] = inbox
         return inbox
 
-    def _arrived_to_wake(self, news: bool) -> None:
+    def _arrived(self, wakes: bool, news: bool) -> None:
         self._arrival.set()
-        if news:
+        if wakes and news:
             self._ring()
-
-    def _arrived(self, news: bool) -> None:
-        self._arrival.set()
 
     def _looked_at(self, topic: Topic[P]) -> Inbox[P]:
         inbox = self._inbox(topic)

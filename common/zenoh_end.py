@@ -130,6 +130,7 @@ class ZenohEnd:
             if commands is not None:
                 self.command_session = open_session(commands, lease_s)
                 self._read_commands = Subscriptions(self.command_session, self._robot)
+            self._every = tuple(dict.fromkeys((self._read, self._read_commands)))
             self._link_watch = watch_links(self.session) if main.rules is not None else None
         except BaseException:
             self.close()
@@ -161,7 +162,7 @@ class ZenohEnd:
 
     def deliver(self, topic_key: str, arrival: Arrival) -> None:
         """What a node of this process has published: to those beside it."""
-        for subscriptions in {id(s): s for s in (self._read, self._read_commands)}.values():
+        for subscriptions in self._every:
             subscriptions.deliver([(topic_key, arrival)])
 
     def put_bundle(self, bundle_key: str, messages: list[bundle.Packed]) -> None:

@@ -71,12 +71,7 @@ class Comm:
     name = "comm"
     period_s = 0.1
     # Of the reports only what is news: a stop that bridge or board hold, a module that is ready no more
-    wakes_on: tuple[Topic[Any], ...] = (
-        STOP,
-        OPERATION,
-        CARRIER,
-        *(STATUS[name] for name in ON_ROBOT if name != "comm"),
-    )
+    wakes_on: tuple[Topic[Any], ...] = (STOP, OPERATION, CARRIER, *(STATUS[name] for name in _WATCHED))
 
     def __init__(
         self,
