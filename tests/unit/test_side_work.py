@@ -154,7 +154,7 @@ def test_nobody_waits_for_a_job_that_fills_the_pipe() -> None:
         began_s = time.monotonic()
         for _ in range(3):
             worker.begin(job, 0.0)
-        assert time.monotonic() - began_s < 0.1
+        assert time.monotonic() - began_s < 1.0
         assert [len(result_of(worker).value) for _ in range(3)] == [len(job)] * 3
     finally:
         worker.close()
