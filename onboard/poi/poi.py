@@ -25,8 +25,9 @@ from onboard.poi.doors.door_detection import ColourBox
 from onboard.poi.doors.observations import Sign
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_before
+from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.reading_job import Read, ReadingWorker, read
-from onboard.poi.signs.sign_reading import SignReader, sign_rules
+from onboard.poi.signs.sign_reading import sign_rules
 from onboard.poi.survey import Survey
 
 NO_FRAMES_S = 2.0  # five previews

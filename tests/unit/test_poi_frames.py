@@ -32,7 +32,8 @@ from onboard.poi.camera.sharpness import sharpness
 from onboard.poi.placement.wall_line import WallLine
 from onboard.poi.signs.reading_job import Job, read
 from onboard.poi.signs.sign_detection import Box, sign_candidates
-from onboard.poi.signs.sign_reading import SignRules, TextLine, Verdict
+from onboard.poi.signs.sign_reading import SignRules, Verdict
+from onboard.poi.signs.text_line import TextLine
 
 
 class DrawnCamera:

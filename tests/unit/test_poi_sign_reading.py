@@ -18,9 +18,12 @@ from offboard.simulator.camera.sign_textures import draw_plate
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame
 from onboard.poi.placement.wall_line import WallLine
+from onboard.poi.signs.grouping import merged_lines, signs
+from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.reading_job import Job, read
 from onboard.poi.signs.sign_detection import Box
-from onboard.poi.signs.sign_reading import SignReader, SignRules, TextLine, Verdict, merged_lines, signs
+from onboard.poi.signs.sign_reading import SignRules, Verdict
+from onboard.poi.signs.text_line import TextLine
 from tests.unit.poi_scenes import SIDES, floor_with_door, full_frame
 
 RULES = SignRules(re.compile(PoiSection().number_pattern), PoiSection().room_types)

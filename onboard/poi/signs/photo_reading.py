@@ -19,7 +19,9 @@ from onboard.poi.camera.frame import FULL_SIZE_PX, Image
 from onboard.poi.camera.frame_source import pose_sidecar, read_photo
 from onboard.poi.camera.sharpness import sharpness
 from onboard.poi.placement.wall_line import WallLine
-from onboard.poi.signs.sign_reading import SignReader, SignReading, Verdict, sign_rules, signs
+from onboard.poi.signs.grouping import signs
+from onboard.poi.signs.ocr_engine import SignReader
+from onboard.poi.signs.sign_reading import SignReading, Verdict, sign_rules
 
 PHOTO_DETECTION_SIDE_PX = 640  # finds 98 % of the numbers in photos from 1 to 3 m, and no false ones
 

@@ -14,8 +14,10 @@ from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame, Image
 from onboard.poi.camera.sharpness import Sharpness, sharpness
 from onboard.poi.placement.wall_line import WallLine
+from onboard.poi.signs.grouping import signs
 from onboard.poi.signs.sign_detection import Box
-from onboard.poi.signs.sign_reading import SignReading, SignRules, TextLine, signs
+from onboard.poi.signs.sign_reading import SignReading, SignRules
+from onboard.poi.signs.text_line import TextLine
 
 HALF_WIDTH_M, LOW_M, HIGH_M = 0.45, 1.12, 1.88  # what is read around a candidate
 PX_PER_M = 840.0  # a plate of 30 mm capitals is legible; more pixels cost time and add nothing
@@ -25,7 +27,7 @@ _BORDER = 0.4  # a line nearer to the border than this share of its height is cu
 
 
 class Reader(Protocol):
-    """An OCR engine, as `sign_reading.SignReader` implements it."""
+    """An OCR engine, as `ocr_engine.SignReader` implements it."""
 
     def lines(self, image: Image) -> list[TextLine]:
         """All lines of text, with their places in pixels of `image`."""

@@ -1,7 +1,7 @@
-"""Text on a sign: a part of a full frame in; lines of text, and from those of one sign room number and room type, out.
+"""Plate or poster: the lines of text of one sign in; its room number and room type out.
 
-rapidocr finds and reads text; `SignRules` judges it: a number plate holds one number in the site's format, perhaps a
-room type, and nothing else of that size. Posters, directions to ranges of rooms, years and telephone numbers hold more.
+A number plate holds one number in the site's format, perhaps a room type, and nothing else of that size. Posters,
+directions to ranges of rooms, years and telephone numbers hold more.
 """
 
 from __future__ import annotations
@@ -11,22 +11,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any
-
-import cv2
-import numpy as np
 
 from common.config import PoiSection
-from onboard.poi.camera.frame import Image
+from onboard.poi.signs.text_line import TextLine
 
-DETECTION_SIDE_PX = 480  # longer side of the image that rapidocr looks for text in
 CONFIDENT = 0.90  # confidence from which a number counts
 LEGIBLE = 0.5  # confidence from which other text counts
 NUMBER_HEIGHT_M = (0.018, 0.13)  # of the letters as measured, up to twice their own
-LETTER_HEIGHT = 1.6  # in widths, at most
-SAME_LINE = 0.5  # overlap along y, share of the smaller height
-WORD_GAP = 1.0  # between boxes of one line, in heights
-NEIGHBOUR_GAP = 1.6  # between lines of one sign, in heights of the higher one
 OPEN_GAP = 1.0  # to the border of the picture, in heights: enough to see that there is no neighbour
 SECONDARY = 0.8  # other lines of a plate are lower than this share of its number
 TYPE_LIKENESS = 0.75  # ratio of difflib between a line and a room type
@@ -34,31 +25,6 @@ NUMBER_LETTERS_MAX = 12  # no room number has more, and a site's own pattern may
 # What OCR takes for one another: where the format wants a digit, and only there
 _DIGIT_FOR = str.maketrans({"O": "0", "Q": "0", "D": "0", "I": "1", "L": "1", "|": "1", "Z": "2", "S": "5", "B": "8"})
 _SEPARATORS = re.compile(r"[\s.\-·:_]")
-
-
-@dataclass(frozen=True, slots=True)
-class TextLine:
-    """One line of text: where it stands in the picture (pixels) and how sure the reading is (0 to 1)."""
-
-    text: str
-    confidence: float
-    x_px: float
-    y_px: float
-    width_px: float
-    height_px: float
-
-    @property
-    def right_px(self) -> float:
-        return self.x_px + self.width_px
-
-    @property
-    def bottom_px(self) -> float:
-        return self.y_px + self.height_px
-
-    @property
-    def letter_px(self) -> float:
-        """Height of its letters: the box may reach as far as the rim of the plate, and letters are not so narrow."""
-        return min(self.height_px, LETTER_HEIGHT * self.width_px / max(len(self.text), 1))
 
 
 class Verdict(Enum):
@@ -79,68 +45,6 @@ class SignReading:
     confidence: float
     box: tuple[float, float, float, float]
     lines: tuple[str, ...]
-
-
-class SignReader:
-    """rapidocr with its bundled models, one thread, so that it repeats to the bit. Loading takes about a second."""
-
-    def __init__(self, detection_side_px: int = DETECTION_SIDE_PX) -> None:
-        from rapidocr import RapidOCR  # here: a process without camera need not have it
-
-        cv2.setNumThreads(1)
-        self._ocr: Any = RapidOCR(
-            params={
-                "Global.log_level": "critical",
-                "Det.limit_side_len": detection_side_px,
-                "Det.limit_type": "max",
-                "EngineConfig.onnxruntime.intra_op_num_threads": 1,
-                "EngineConfig.onnxruntime.inter_op_num_threads": 1,
-            }
-        )
-
-    def lines(self, image: Image) -> list[TextLine]:
-        """All text in a picture, boxes on one line merged, from top to bottom; places in pixels of `image`."""
-        result = self._ocr(image, use_cls=False)
-        if result.txts is None:
-            return []
-        lines = []
-        for text, score, corners in zip(result.txts, result.scores, result.boxes, strict=True):
-            (x0, y0), (x1, y1) = np.min(corners, axis=0), np.max(corners, axis=0)
-            lines.append(TextLine(text.strip(), float(score), float(x0), float(y0), float(x1 - x0), float(y1 - y0)))
-        return merged_lines(lines)
-
-
-def merged_lines(boxes: Sequence[TextLine]) -> list[TextLine]:
-    """Boxes that stand side by side become one line, its words parted by spaces; from top to bottom."""
-    lines: list[TextLine] = []
-    for box in sorted(boxes, key=lambda b: b.x_px):
-        for i, line in enumerate(lines):
-            lower = min(line.height_px, box.height_px)
-            overlap = min(line.bottom_px, box.bottom_px) - max(line.y_px, box.y_px)
-            if overlap > SAME_LINE * lower and box.x_px - line.right_px < WORD_GAP * lower:
-                top, bottom = min(line.y_px, box.y_px), max(line.bottom_px, box.bottom_px)
-                lines[i] = TextLine(
-                    f"{line.text} {box.text}",
-                    min(line.confidence, box.confidence),
-                    line.x_px,
-                    top,
-                    max(line.right_px, box.right_px) - line.x_px,
-                    bottom - top,
-                )
-                break
-        else:
-            lines.append(box)
-    return sorted(lines, key=lambda line: line.y_px)
-
-
-def signs(lines: Sequence[TextLine]) -> list[list[TextLine]]:
-    """Lines that stand together, above or below one another, sign by sign."""
-    groups: list[list[TextLine]] = []
-    for line in lines:
-        near = [g for g in groups if any(_neighbours(line, other) for other in g)]
-        merged = [line, *(other for g in near for other in g)]
-        groups = [g for g in groups if g not in near] + [merged]
-    return [sorted(group, key=lambda line: line.y_px) for group in groups]
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,13 +123,6 @@ class SignRules:
 def sign_rules(section: PoiSection) -> SignRules:
     """The site's rules as robot.toml gives them."""
     return SignRules(re.compile(section.number_pattern), section.room_types)
-
-
-def _neighbours(a: TextLine, b: TextLine) -> bool:
-    gap_y = max(a.y_px, b.y_px) - min(a.bottom_px, b.bottom_px)
-    gap_x = max(a.x_px, b.x_px) - min(a.right_px, b.right_px)
-    reach = NEIGHBOUR_GAP * max(a.height_px, b.height_px)
-    return gap_y < reach and gap_x < reach
 
 
 def _is_prose(lines: Sequence[TextLine]) -> bool:
