@@ -26,7 +26,8 @@ from common.constants import (
 from common.errors import StartError
 from common.messages import STATUS
 from common.modules import OFFBOARD, PACKAGES, Board, on
-from common.rules import Between, Count, Form, Names, Pattern, Rule
+from common.number_presets import PRESETS
+from common.rules import Between, Count, Form, Names, OnPlate, Pattern, Rule
 from common.text_file import read_text
 
 # Sections of the computers that run processes
@@ -39,6 +40,7 @@ _LENGTH_M = Between(0.01, 2.0)
 _TO_OTHERS = Form(rf"(tls/{_HOST}:\d{{1,5}})?", 'leaves this machine, so it must be "tls/HOST:PORT"')
 _ON_LOOPBACK = Form(rf"tcp/{_HOST}:\d{{1,5}}", 'must be "tcp/HOST:PORT"')
 _DOOR_COLOUR = Form(r"H\d{1,3}-\d{1,3} S\d{1,3}-\d{1,3} V\d{1,3}-\d{1,3}", "must be like 'H8-22 S60-255 V30-230'")
+_REPAIR = Form(r"\S<?>\S", 'must be like "O<>0" or "Q>0"')
 _SHARING = "comm|mmu|planner|poi"
 _PROCESS = Form(
     rf"({_SHARING})(\+({_SHARING}))*|bridge|{'|'.join(OFFBOARD)}",
@@ -154,8 +156,21 @@ class PoiSection:
     """Where images come from: "picamera", "/dev/video0", a number, a photo or folder of photos, "unix:PATH"."""
     field_of_view_deg: Annotated[float, Between(10.0, 170.0)] = round(degrees(CAMERA_FIELD_OF_VIEW_RAD), 6)
     """Horizontal field of view; `calibrate camera` measures it."""
-    number_pattern: Annotated[str, Pattern(longest=200)] = "[0-9]{3,4}[A-Z]?"
-    """Regular expression of a whole room number: capitals, without spaces and dashes."""
+    number_presets: Annotated[tuple[str, ...], Names(tuple(PRESETS), "the presets")] = ()
+    """Forms of the site's room numbers, e.g. ["building-room"]; without any and without `number_pattern`: ["plain"]."""
+    number_pattern: Annotated[str, Pattern(longest=200), OnPlate()] = ""
+    """A form of the site's own: regular expression of a whole number as it stands on the plate, with its separators."""
+    number_repairs: tuple[Annotated[str, _REPAIR], ...] = (
+        "O<>0", "I<>1", "S<>5", "B<>8", "Z>2", "Q>0", "D>0", "L>1", "|>1", "I>|", "L>|", ",>.",
+    )  # fmt: skip
+    """What is read for one another, exchanged only where a number's form wants the other: <> both, > the first."""
+    words_before: tuple[str, ...] = (
+        "Room", "Rm", "Suite", "No", "Nr", "Nº", "N°", "№", "#", "Raum", "Zimmer", "Zi", "Salle", "Bureau", "Sala",
+        "Aula", "Habitación", "Stanza", "Kamer", "Lokal", "Pokój",
+    )  # fmt: skip
+    """What may stand before a room number on its line, besides the room types."""
+    words_behind: tuple[str, ...] = ()
+    """What may stand behind it, besides the room types and up to three ideographs (501室)."""
     room_types: tuple[str, ...] = (
         "Office", "Meeting Room", "Conference Room", "Laboratory", "Lab", "Classroom", "Lecture Room", "Seminar Room",
         "Washroom", "Restroom", "Toilet", "WC", "Storage", "Kitchen", "Library", "Reception", "Server Room",

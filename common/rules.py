@@ -11,6 +11,8 @@ import warnings
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from common.room_number import DASHES_OF_OTHERS
+
 
 class Rule(Protocol):
     def complaint(self, value: Any) -> str:
@@ -78,4 +80,19 @@ class Pattern:
                 re.compile(value)
         except (re.error, OverflowError, RecursionError, Warning) as error:
             return f"is no regular expression: {error}"
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class OnPlate:
+    """A regular expression of what stands on a plate, in the signs that its text is compared in; or an empty text."""
+
+    def complaint(self, value: str) -> str:
+        dash = next((sign for sign in value if sign in DASHES_OF_OTHERS), None)
+        if dash is not None:
+            return f'holds the dash "{dash}", which is read as "-"; write "-"'
+        if "," in re.sub(r"\{[0-9]*,[0-9]*\}", "", value):
+            return 'holds a comma, which goto takes for X,Y; a comma on a plate is read as "."'
+        if value and re.fullmatch(value, "") is not None:
+            return "fits an empty text, so it describes no number"
         return ""

@@ -28,6 +28,7 @@ from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_bef
 from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.reading_job import Read, ReadingWorker, read
 from onboard.poi.signs.sign_reading import sign_rules
+from onboard.poi.signs.site_numbers import site_numbers
 from onboard.poi.survey import Survey
 
 NO_FRAMES_S = 2.0  # five previews
@@ -71,7 +72,7 @@ class Poi:
         self, section: PoiSection, source: FrameSource, worker: ReadingWorker, board: BoardReporter | None = None
     ) -> None:
         boxes = tuple(ColourBox.parse(text) for text in section.door_colours)
-        self._survey = Survey(source, worker, boxes, radians(section.field_of_view_deg))
+        self._survey = Survey(source, worker, boxes, radians(section.field_of_view_deg), site_numbers(section))
         self._status = StatusReporter(self.name)
         self._board = board
         self._retake = Retake()

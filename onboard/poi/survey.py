@@ -26,6 +26,7 @@ from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker
 from onboard.poi.placement.wall_map import WallMap
 from onboard.poi.signs.reading_job import Finding, Job, Reading, ReadingWorker
 from onboard.poi.signs.sign_detection import Box, sign_candidates
+from onboard.poi.signs.site_numbers import SiteNumbers
 
 TURNING_RAD_S = 0.08  # above it previews blur and the sonar measures other walls
 FULL_SPACING_M = 0.12  # path between two full frames
@@ -45,10 +46,15 @@ class Survey:
     """Owns source and worker. `photos_read` counts the full frames that were read."""
 
     def __init__(
-        self, source: FrameSource, worker: ReadingWorker, boxes: tuple[ColourBox, ...], field_of_view_rad: float
+        self,
+        source: FrameSource,
+        worker: ReadingWorker,
+        boxes: tuple[ColourBox, ...],
+        field_of_view_rad: float,
+        site: SiteNumbers,
     ) -> None:
         self.map = WallMap()
-        self.records = DoorRecords(self.map.backs)
+        self.records = DoorRecords(self.map.backs, site)
         self.history = PoseHistory()
         self.photos_read = 0
         self.frame_seen_s = -inf

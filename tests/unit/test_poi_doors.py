@@ -8,15 +8,19 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from common.config import PoiSection
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.doors.door_association import State
 from onboard.poi.doors.door_detection import ColourBox, DoorDetector, DoorEdge, Side, calibrated_box, door_edges
 from onboard.poi.doors.door_records import DoorRecords
 from onboard.poi.doors.observations import Sign
 from onboard.poi.placement.wall_line import WallLine, WallPoint
+from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.sign_reading import SignReading, Verdict
+from onboard.poi.signs.site_numbers import site_numbers
 
 CAMERA = CameraModel(640, 480)
+SITE = site_numbers(PoiSection())
 WALL = WallLine(1.3, 0.0)
 WALL_BGR, DOOR_BGR = (222, 230, 232), (62, 104, 150)
 
@@ -87,7 +91,7 @@ def on_wall(x_m: float, y_m: float = 0.0) -> WallPoint:
 
 
 def records_with_door(centre_m: float, observations: int = 6, backed: bool = True) -> DoorRecords:
-    records = DoorRecords(lambda left, right: backed)
+    records = DoorRecords(lambda left, right: backed, SITE)
     for i in range(observations):
         records.add_edge(Side.LEFT, on_wall(centre_m + 0.5 + 0.01 * (i % 2)), float(i))
         records.add_edge(Side.RIGHT, on_wall(centre_m - 0.5 + 0.01 * (i % 2)), float(i))
@@ -95,11 +99,12 @@ def records_with_door(centre_m: float, observations: int = 6, backed: bool = Tru
 
 
 def plate(number: str, confidence: float = 0.99, room_type: str = "") -> SignReading:
-    return SignReading(Verdict.PLATE, number, room_type, confidence, (0.0, 0.0, 10.0, 10.0), (number,))
+    shown = RoomNumber(number, "plain")
+    return SignReading(Verdict.PLATE, shown, room_type, confidence, (0.0, 0.0, 10.0, 10.0), (number,))
 
 
 def other() -> SignReading:
-    return SignReading(Verdict.OTHER, "", "", 0.0, (0.0, 0.0, 10.0, 10.0), ("Open day",))
+    return SignReading(Verdict.OTHER, None, "", 0.0, (0.0, 0.0, 10.0, 10.0), ("Open day",))
 
 
 def test_door_with_its_plate_beside_it_is_one_record_at_the_doors_middle() -> None:
@@ -163,7 +168,7 @@ def test_door_seen_again_after_the_map_moved_is_still_one() -> None:
 
 
 def test_plate_of_an_unseen_door_stands_for_itself() -> None:
-    records = DoorRecords(lambda left, right: True)
+    records = DoorRecords(lambda left, right: True, SITE)
     for _ in range(2):
         records.add_sign(on_wall(5.0), 1.0, plate("204"))
     (door,) = records.doors()
@@ -172,7 +177,7 @@ def test_plate_of_an_unseen_door_stands_for_itself() -> None:
 
 
 def test_one_edge_tells_where_the_door_of_a_plate_is() -> None:
-    records = DoorRecords(lambda left, right: True)
+    records = DoorRecords(lambda left, right: True, SITE)
     for i in range(3):
         records.add_edge(Side.RIGHT, on_wall(5.25), float(i))
         records.add_sign(on_wall(5.0), float(i), plate("204"))
@@ -181,8 +186,8 @@ def test_one_edge_tells_where_the_door_of_a_plate_is() -> None:
 
 
 def test_sign_that_was_never_legible_wants_a_photo() -> None:
-    records = DoorRecords(lambda left, right: True)
-    unclear = SignReading(Verdict.UNCLEAR, "", "", 0.0, (0.0, 0.0, 1.0, 1.0), ("3",))
+    records = DoorRecords(lambda left, right: True, SITE)
+    unclear = SignReading(Verdict.UNCLEAR, None, "", 0.0, (0.0, 0.0, 1.0, 1.0), ("3",))
     sign: Sign = records.add_sign(on_wall(5.0), 1.0, unclear)
     assert sign.wants_photo
     assert records.doors() == []

@@ -35,6 +35,7 @@ from onboard.poi.camera.sharpness import Sharpness
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.poi import Poi
 from onboard.poi.retake import Phase, Retake, after, begin, pose_before
+from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.reading_job import Finding, Job, Reading, deferred_reading
 from onboard.poi.signs.sign_reading import SignReading, Verdict
 
@@ -139,11 +140,13 @@ class Story:
 
 
 def plate(number: str) -> SignReading:
-    return SignReading(Verdict.PLATE, number, "Office", 0.99, (0.0, 0.0, 1.0, 1.0), (number, "Office"))
+    return SignReading(
+        Verdict.PLATE, RoomNumber(number, "plain"), "Office", 0.99, (0.0, 0.0, 1.0, 1.0), (number, "Office")
+    )
 
 
 def unclear() -> SignReading:
-    return SignReading(Verdict.UNCLEAR, "", "", 0.0, (0.0, 0.0, 1.0, 1.0), ("3",))
+    return SignReading(Verdict.UNCLEAR, None, "", 0.0, (0.0, 0.0, 1.0, 1.0), ("3",))
 
 
 @pytest.mark.requirement("POI_MR_01", "POI_MR_04")

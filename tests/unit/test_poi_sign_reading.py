@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from common.config import PoiSection
 from common.geometry import Pose2
@@ -22,11 +19,11 @@ from onboard.poi.signs.grouping import merged_lines, signs
 from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.reading_job import Job, read
 from onboard.poi.signs.sign_detection import Box
-from onboard.poi.signs.sign_reading import SignRules, Verdict
+from onboard.poi.signs.sign_reading import SignReading, Verdict, sign_rules
 from onboard.poi.signs.text_line import TextLine
 from tests.unit.poi_scenes import SIDES, floor_with_door, full_frame
 
-RULES = SignRules(re.compile(PoiSection().number_pattern), PoiSection().room_types)
+RULES = sign_rules(PoiSection())
 M_PER_PX = 1 / 840
 
 
@@ -40,6 +37,10 @@ def lines(*texts: str, confidence: float = 0.99, height_px: float = 40.0) -> lis
 
 def verdict(*texts: str, **kwargs: float) -> Verdict:
     return RULES.judge(lines(*texts, **kwargs), M_PER_PX, 600.0).verdict
+
+
+def shown(reading: SignReading) -> str:
+    return reading.number.shown if reading.number is not None else ""
 
 
 @pytest.fixture(scope="module")
@@ -72,19 +73,7 @@ def test_posters_directions_and_lists_are_no_plates(poster: tuple[str, ...]) -> 
 
 def test_plate_holds_its_number_and_its_room_type() -> None:
     reading = RULES.judge(lines("215B", "Meeting Room"), M_PER_PX, 600.0)
-    assert (reading.verdict, reading.number, reading.room_type) == (Verdict.PLATE, "215B", "Meeting Room")
-
-
-@pytest.mark.parametrize(("text", "number"), [("215 b", "215B"), ("1O1", "101"), ("I2O", "120"), ("3.04", "304")])
-def test_number_takes_its_normal_form(text: str, number: str) -> None:
-    assert RULES.room_number(text) == number
-
-
-@pytest.mark.timeout(20)
-@pytest.mark.parametrize("pattern", ["(A+)+!", "((A+)+)+!", "(A|AA)+!", "(A*)*(A*)*!"])
-def test_pattern_whose_time_doubles_with_every_letter_does_not_hold_up_the_reading(pattern: str) -> None:
-    rules = SignRules(re.compile(pattern), ())
-    assert [rules.room_number("A" * length) for length in (11, 12, 13, 300)] == [""] * 4
+    assert (reading.verdict, shown(reading), reading.room_type) == (Verdict.PLATE, "215B", "Meeting Room")
 
 
 @pytest.mark.parametrize(
@@ -99,7 +88,7 @@ def test_doubtful_reading_wants_another_photo() -> None:
 
 
 def test_number_at_the_border_may_be_the_rest_of_a_poster() -> None:
-    at_the_top = [TextLine("2019", 0.99, 100.0, 10.0, 100.0, 40.0)]
+    at_the_top = [TextLine("2119", 0.99, 100.0, 10.0, 100.0, 40.0)]
     assert RULES.judge(at_the_top, M_PER_PX, 600.0).verdict is Verdict.UNCLEAR
     assert RULES.judge(at_the_top).verdict is Verdict.PLATE
 
@@ -119,19 +108,13 @@ def test_boxes_on_one_line_are_merged_and_signs_are_parted() -> None:
     assert len(signs(merged)) == 2
 
 
-@given(st.text(max_size=12))
-def test_number_is_found_in_its_own_format_or_not_at_all(text: str) -> None:
-    number = RULES.room_number(text)
-    assert number == "" or RULES.number.fullmatch(number)
-
-
 @pytest.mark.parametrize("style", ["dark on light", "light on dark", "dark on metal"])
 def test_plates_of_every_style_are_read(reader: SignReader, style: str) -> None:
     plate = Plate(0.0, 0.0, False, 1.5, 0.2, 0.15, 0.04, style)
     for number, room_type in (("304", "Storage"), ("112B", ""), ("281A", "Meeting Room")):
         drawn = cv2.resize(on_wall(plate, number, room_type), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         readings = [RULES.judge(group) for group in signs(reader.lines(drawn))]
-        assert [(r.verdict, r.number, r.room_type) for r in readings] == [(Verdict.PLATE, number, room_type)]
+        assert [(r.verdict, shown(r), r.room_type) for r in readings] == [(Verdict.PLATE, number, room_type)]
 
 
 def test_reading_repeats_to_the_bit(reader: SignReader) -> None:
@@ -165,7 +148,7 @@ def test_large_number_alone_on_its_plate_is_read_from_near_and_far(reader: SignR
     camera, frame = CameraModel(1280, 960), Frame(0.0, full_frame(floor))
     candidate = Box(600.0, 400.0, 80.0, 40.0)
     job = Job(frame, Pose2(0.0, 0.0, 0.0), WallLine(distance_m, 0.0), candidate)
-    assert [f.reading.number for f in read(job, reader, RULES, camera).findings] == ["217"]
+    assert [shown(f.reading) for f in read(job, reader, RULES, camera).findings] == ["217"]
 
 
 @pytest.mark.parametrize("text", ["Open day 2019", "Call 905 525 9140", "Rooms 101-140 upstairs"])

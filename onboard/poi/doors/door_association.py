@@ -47,7 +47,7 @@ class Door:
 
     @property
     def state(self) -> State:
-        if self.sign is None or not self.sign.numbers:
+        if self.sign is None or not self.sign.votes:
             return State.UNREAD
         return State.READ if self.sign.accepted else State.DOUBTFUL
 
@@ -65,7 +65,8 @@ def associated(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint
         if i in plate_of or _well_observed(left, right, posters)
     ]
     taken = set(plate_of.values())
-    alone = [_door_of_plate(plate, well_seen) for j, plate in enumerate(plates) if j not in taken]
+    # Without a door around it, a number in doubt may be a year on a poster
+    alone = [_door_of_plate(plate, well_seen) for j, plate in enumerate(plates) if j not in taken and not plate.doubt]
     return _distinct(doors + alone)
 
 
@@ -116,8 +117,8 @@ def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
 def _distinct_plates(plates: list[Sign]) -> list[Sign]:
     """Without the worse read of two plates that lie near each other with one number: one plate, placed twice."""
     kept: list[Sign] = []
-    for plate in sorted(plates, key=lambda s: s.numbers[s.number], reverse=True):
-        twins = (other for other in kept if other.number == plate.number)
+    for plate in sorted(plates, key=lambda s: s.agreeing, reverse=True):
+        twins = (other for other in kept if other.key == plate.key)
         if not any(other.place.point.distance_m(plate.place.point) < SAME_NUMBER_M for other in twins):
             kept.append(plate)
     return kept
@@ -129,20 +130,20 @@ def _distinct(doors: list[Door]) -> list[Door]:
     def strength(door: Door) -> tuple[int, int, int]:
         sign = door.sign
         return (
-            sign.numbers[sign.number] if sign is not None else 0,
+            sign.agreeing if sign is not None else 0,
             len(door.edges),
             min((e.place.count for e in door.edges), default=0),
         )
 
-    numbers_read = {door.sign.number for door in doors if door.sign is not None and door.state is State.READ}
+    keys_read = {door.sign.key for door in doors if door.sign is not None and door.state is State.READ}
     kept: list[Door] = []
     for door in sorted(doors, key=strength, reverse=True):
-        number = door.sign.number if door.sign is not None else ""
-        if door.state is State.DOUBTFUL and number in numbers_read:
+        key = door.sign.key if door.sign is not None else ""
+        if door.state is State.DOUBTFUL and key in keys_read:
             continue  # the same plate, misplaced once
         for other in kept:
             reach_m = SAME_DOOR_M
-            if number and other.sign is not None and other.sign.number == number:
+            if key and other.sign is not None and other.sign.key == key:
                 reach_m = SAME_NUMBER_M
             if same_wall(door.centre, other.centre) and door.centre.distance_m(other.centre) < reach_m:
                 break

@@ -13,6 +13,7 @@ from onboard.poi.doors.door_detection import Side
 from onboard.poi.doors.observations import Edge, Place, Sign, same_wall
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.signs.sign_reading import SignReading
+from onboard.poi.signs.site_numbers import SiteNumbers
 
 EDGE_GATE_M = 0.15  # between observations of one edge; doors stand further apart
 SIGN_GATE_M = 0.30  # between observations of one sign
@@ -21,9 +22,10 @@ SIGN_GATE_M = 0.30  # between observations of one sign
 class DoorRecords:
     """All edges and signs of the floor."""
 
-    def __init__(self, backed: Callable[[WallPoint, WallPoint], bool]) -> None:
+    def __init__(self, backed: Callable[[WallPoint, WallPoint], bool], site: SiteNumbers) -> None:
         """`backed`: is there wall between a left and a right edge?"""
         self._backed = backed
+        self.site = site
         self.edges: list[Edge] = []
         self.signs: list[Sign] = []
 
@@ -62,5 +64,8 @@ class DoorRecords:
         sign.blanks += 1
 
     def doors(self) -> list[Door]:
-        """Doors with their plates, and plates that stand alone; associated anew in every call."""
+        """Doors with their plates, and plates that stand alone; judged and associated anew in every call."""
+        self.site = self.site.after(s.read for s in self.signs if s.read is not None and s.agreed and not s.rejected)
+        for sign in self.signs:
+            sign.doubt = self.site.doubt(sign.read) if sign.read is not None else ""
         return associated(self.edges, self.signs, self._backed)

@@ -12,6 +12,7 @@ from math import atan2, cos, sin
 from common.geometry import wrap_angle
 from onboard.poi.doors.door_detection import Side
 from onboard.poi.placement.wall_line import WallPoint
+from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.sign_reading import SignReading, Verdict
 
 SAME_WALL_RAD = 0.4  # between normals of one wall; walls meet at right angles
@@ -59,15 +60,24 @@ class Edge:
 
 
 @dataclass(slots=True)
+class Votes:
+    """All readings of one number, by its key: how many, their confidence, and how they show it."""
+
+    count: int = 0
+    weight: float = 0.0
+    shown: Counter[RoomNumber] = field(default_factory=Counter)
+
+
+@dataclass(slots=True)
 class Sign:
-    """A sign: its place and all readings of it."""
+    """A sign: its place and all readings of it. `doubt`: why its number does not count yet, empty where it does."""
 
     place: Place
-    numbers: Counter[str] = field(default_factory=Counter)
-    weights: dict[str, float] = field(default_factory=dict)
+    votes: dict[str, Votes] = field(default_factory=dict)
     blanks: int = 0  # photos on which nothing could be read
     types: Counter[str] = field(default_factory=Counter)
     verdicts: Counter[Verdict] = field(default_factory=Counter)
+    doubt: str = ""
     photo: bytes = b""
     photo_quality: float = -1.0
     best_confidence: float = 0.0
@@ -76,29 +86,48 @@ class Sign:
     def vote(self, reading: SignReading) -> None:
         """Counts one reading of the sign."""
         self.verdicts[reading.verdict] += 1
-        if reading.verdict is Verdict.PLATE:
-            self.numbers[reading.number] += 1
-            self.weights[reading.number] = self.weights.get(reading.number, 0.0) + reading.confidence
+        if reading.number is not None and reading.verdict in (Verdict.PLATE, Verdict.DOUBTFUL):
+            votes = self.votes.setdefault(reading.number.key, Votes())
+            votes.count, votes.weight = votes.count + 1, votes.weight + reading.confidence
+            votes.shown[reading.number] += 1
             self.best_confidence = max(self.best_confidence, reading.confidence)
             if reading.room_type:
                 self.types[reading.room_type] += 1
 
     @property
-    def number(self) -> str:
+    def read(self) -> RoomNumber | None:
         """The number with the largest sum of confidence over all photos; the first read of equals."""
-        return max(self.weights, key=lambda n: self.weights[n]) if self.weights else ""
+        best = max(self.votes.values(), key=lambda votes: votes.weight, default=None)
+        return best.shown.most_common(1)[0][0] if best is not None else None
+
+    @property
+    def number(self) -> str:
+        """That number as the plate shows it, empty when none was read."""
+        return self.read.shown if self.read is not None else ""
+
+    @property
+    def key(self) -> str:
+        return self.read.key if self.read is not None else ""
+
+    @property
+    def agreeing(self) -> int:
+        """The photos that show this number."""
+        return self.votes[self.key].count if self.votes else 0
+
+    @property
+    def agreed(self) -> bool:
+        """Enough photos agree on the number."""
+        return self.agreeing >= AGREEING_MIN and self.share > MAJORITY
 
     @property
     def accepted(self) -> bool:
-        """Enough photos agree on the number."""
-        number = self.number
-        return self.numbers[number] >= AGREEING_MIN and self.share > MAJORITY
+        return self.agreed and not self.doubt
 
     @property
     def share(self) -> float:
         """The share of the winning number in the confidence of all readings."""
-        total = sum(self.weights.values())
-        return self.weights[self.number] / total if total else 0.0
+        total = sum(votes.weight for votes in self.votes.values())
+        return self.votes[self.key].weight / total if total else 0.0
 
     @property
     def room_type(self) -> str:
@@ -107,11 +136,11 @@ class Sign:
     @property
     def rejected(self) -> bool:
         """A poster: legible, and no plate."""
-        return self.verdicts[Verdict.OTHER] > self.verdicts[Verdict.PLATE]
+        return self.verdicts[Verdict.OTHER] > self._plates
 
     @property
     def is_plate(self) -> bool:
-        return bool(self.numbers) and not self.rejected
+        return bool(self.votes) and not self.rejected
 
     @property
     def settled(self) -> bool:
@@ -119,13 +148,17 @@ class Sign:
         if not self.verdicts:
             return self.blanks >= BLANKS_MAX
         if self.rejected:
-            return self.verdicts[Verdict.OTHER] >= AGREEING_MIN + self.verdicts[Verdict.PLATE]
-        return self.accepted and self.numbers[self.number] >= AGREEING_MIN + 1
+            return self.verdicts[Verdict.OTHER] >= AGREEING_MIN + self._plates
+        return self.agreed and self.agreeing >= AGREEING_MIN + 1
 
     @property
     def wants_photo(self) -> bool:
-        """It may be a plate and could not be read well enough."""
-        return bool(self.verdicts) and not self.accepted and not self.rejected
+        """It may be a plate and could not be read well enough; a number in doubt is legible."""
+        return bool(self.verdicts) and not self.agreed and not self.rejected
+
+    @property
+    def _plates(self) -> int:
+        return self.verdicts[Verdict.PLATE] + (0 if self.doubt else self.verdicts[Verdict.DOUBTFUL])
 
 
 def same_wall(a: WallPoint, b: WallPoint) -> bool:

@@ -53,7 +53,7 @@ def _record(file: Path, image: Image, reading: SignReading, scale: float) -> dic
     sharp = sharpness(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY))
     return {
         "file": str(file),
-        "number": reading.number,
+        "number": reading.number.shown if reading.number is not None else "",
         "room_type": reading.room_type,
         "confidence": round(reading.confidence, 4),
         "box_px": [round(v / scale, 1) for v in reading.box],
