@@ -29,18 +29,24 @@ class Alarm:
     def wait(self, timeout_s: float, file: int | None = None) -> bool:
         """At most so long, until it is rung or the file has something; True for the file."""
         self._watch(file)
-        ready = self._poll.poll(1000.0 * min(max(timeout_s, 0.0), _FOREVER_S))
-        return any(descriptor == file for descriptor, _ in ready)
+        ready = [descriptor for descriptor, _ in self._poll.poll(1000.0 * min(max(timeout_s, 0.0), _FOREVER_S))]
+        if self._event in ready:
+            # Also without `rung`: who rings may have been held up before the write, and that one was answered meanwhile
+            self._take()
+        return file in ready
 
     def reset(self) -> None:
         """To be called before what has rung is looked at."""
         if self.rung:
             self.rung = False
-            with suppress(BlockingIOError):
-                os.eventfd_read(self._event)
+            self._take()
 
     def close(self) -> None:
         os.close(self._event)
+
+    def _take(self) -> None:
+        with suppress(BlockingIOError):
+            os.eventfd_read(self._event)
 
     def _watch(self, file: int | None) -> None:
         if file == self._watched:

@@ -90,10 +90,13 @@ class FreeClock:
 
     def wait(self, schedule: Schedule, alarm: Alarm, stop: threading.Event) -> float:
         while (now_s := time.monotonic()) < (due_s := schedule.due_s) and not stop.is_set():
-            if alarm.rung:
-                time.sleep(due_s - now_s)  # of a node that was stepped just now
-            elif alarm.wait(due_s - now_s, schedule.fileno()):
-                schedule.file_has(time.monotonic())
+            if not alarm.rung:
+                if alarm.wait(due_s - now_s, schedule.fileno()):
+                    schedule.file_has(time.monotonic())
+            elif due_s - now_s <= STEP_GAP_S:
+                time.sleep(due_s - now_s)  # what comes meanwhile is taken by the step that is due then
+            else:
+                alarm.reset()  # it rang for a message that was taken by a step before
         return now_s
 
 
