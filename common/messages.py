@@ -301,7 +301,7 @@ class PointOfInterest:
     description: Word
     x_m: Metres
     y_m: Metres
-    number: Word
+    number: Word  # in its shown form; found by `room_number.key_of`
     room_type: Word
     confidence: Share
     state: Word

@@ -23,6 +23,7 @@ from common.config import Config, config_text
 from common.errors import ERRORS
 from common.messages import INTERNAL_FLOWS, TOPICS, LogLine, Status, Topic
 from common.modules import MODULES
+from common.number_presets import PRESETS
 from common.rules import Between
 from deploy.cli import build_parser
 from offboard.export.formats import EXPORTS
@@ -238,6 +239,11 @@ def modules() -> str:
     return _table("module | for people | specification | computer | package", rows)
 
 
+def presets() -> str:
+    rows = [(f'`"{name}"`', ", ".join(f"`{e}`" for e in p.examples), f"`{p.pattern}`") for name, p in PRESETS.items()]
+    return _table("preset | numbers such as | pattern", rows)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "mission-table": mission_table,
     "mission-modes": mission_modes,
@@ -248,6 +254,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "errors": errors,
     "verbs": verbs,
     "exports": exports,
+    "presets": presets,
 }
 FILES: dict[str, Callable[[], str]] = {"docs/robot.toml": sample}
 

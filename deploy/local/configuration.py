@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from common.config import (
     BridgeSection,
     Config,
     MeshSection,
-    PoiSection,
     VisualizerSection,
     apart,
     config_text,
@@ -18,7 +17,7 @@ from common.config import (
 from common.node_loop import STEPS_SUFFIX
 from deploy.local.ports import refuse_second_mesh, reserve_port, usual_port
 from deploy.local.process_table import SIMULATOR
-from offboard.simulator.run.options import RunOptions
+from offboard.simulator.run.options import RunOptions, site_section
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 from onboard.mmu.map.map_file import MAP_NAME
 
@@ -62,7 +61,7 @@ def mesh_config(options: RunOptions, paths: RunPaths) -> Config:
         mesh=MeshSection(f"tcp/127.0.0.1:{router}", f"tcp/127.0.0.1:{reserve_port()}"),
         bridge=BridgeSection(serial_port=str(paths.serial)),
         visualizer=VisualizerSection(port=page),
-        poi=PoiSection(source=f"unix:{paths.frames}"),
+        poi=replace(site_section(options), source=f"unix:{paths.frames}"),
     )
     if options.apart:
         config = apart(config)

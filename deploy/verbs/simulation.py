@@ -34,6 +34,7 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, help="run folder")
     parser.add_argument("--errors", choices=tuple(PROFILES), default="realistic", help="how badly the robot errs")
     parser.add_argument("--camera", choices=CAMERAS, default="off", help="the simulated camera")
+    parser.add_argument("--config", type=Path, help="robot.toml, of which [poi] holds: what plates look like")
     parser.add_argument("--events", type=Path, help="file of people, barriers and doors that come and go")
 
 
@@ -49,6 +50,7 @@ def _options(arguments: argparse.Namespace) -> RunOptions:
         errors=arguments.errors,
         camera=arguments.camera,
         events=arguments.events,
+        config=arguments.config,
         board=getattr(arguments, "board", "host"),
         route=getattr(arguments, "route", None),
     )

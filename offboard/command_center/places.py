@@ -8,6 +8,7 @@ from pathlib import Path
 
 from common.errors import sentence
 from common.fields import COORDINATE
+from common.room_number import key_of
 from offboard.command_center.snapshot import Finding
 from offboard.runs.run_folder import POIS_NAME, RunFolderError, read_pois
 
@@ -32,12 +33,12 @@ def coordinates(text: str) -> tuple[float, float] | None:
 
 
 def find_place(text: str, findings: Iterable[Finding]) -> tuple[float, float]:
-    """Position of the door with that number, or of X,Y; raises UnknownPlace."""
+    """Position of the door with that number in its shown form or as its key, or of X,Y; raises UnknownPlace."""
     place = coordinates(text)
     if place is not None:
         return place
-    doors = {finding.number.casefold(): finding for finding in findings if finding.number}
-    door = doors.get(text.strip().casefold())
+    doors = {key_of(finding.number): finding for finding in findings if finding.number}
+    door = doors.get(key_of(text))
     if door is None:
         known = ", ".join(sorted(finding.number for finding in doors.values()))
         what = f"known are {known}" if known else "no number was read yet"

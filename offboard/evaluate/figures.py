@@ -172,6 +172,11 @@ def _letters(text: object) -> str:
     return re.sub(r"[^A-Z0-9]", "", str(text or "").upper())
 
 
+def _shown(text: object) -> str:
+    """Capitals, digits and separators, without spaces."""
+    return "".join(str(text or "").upper().split())
+
+
 def _positions(things: list[dict[str, Any]]) -> Points:
     return np.array([[thing["x_m"], thing["y_m"]] for thing in things], dtype=np.float64).reshape(-1, 2)
 
@@ -189,6 +194,7 @@ def poi_figures(floor: dict[str, Any], pois: list[dict[str, Any]], found: Points
     """Doors found and plates read; `found` (N, 2) are the positions of `pois` in the frame `fit`."""
     doors = floor["doors"]
     served = _serve_doors(_positions(doors), found)
+    shown = [(_shown(pois[b].get("number")), _shown(doors[a]["number"])) for a, b, _ in served]
     read = [(_letters(pois[b].get("number")), _letters(doors[a]["number"])) for a, b, _ in served]
     types = [(_letters(pois[b].get("room_type")), _letters(doors[a]["room_type"])) for a, b, _ in served]
     left_over = np.delete(found, [b for _, b, _ in served], axis=0)
@@ -198,6 +204,7 @@ def poi_figures(floor: dict[str, Any], pois: list[dict[str, Any]], found: Points
         "doors": len(doors),
         "doors_found": len(served),
         "numbers_exact": sum(number == true for number, true in read),
+        "numbers_shown": sum(number == true for number, true in shown),
         "numbers_wrong": sum(bool(number) and number != true for number, true in read),
         "types_shown": sum(bool(door["room_type"]) for door in doors),
         "types_exact": sum(bool(true) and room_type == true for room_type, true in types),

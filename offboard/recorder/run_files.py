@@ -27,6 +27,7 @@ from common.messages import (
     Topic,
 )
 from common.messages import Trajectory as SmoothedTrajectory
+from common.room_number import key_of
 from offboard.runs import run_folder
 from offboard.runs.map_assembly import MapAssembly
 
@@ -38,7 +39,7 @@ _log = logging.getLogger("recorder")
 def poi_record(poi: PointOfInterest, photo: str) -> dict[str, Any]:
     """One entry of pois.json; `photo` is the picture's path inside the run folder, empty where there is none."""
     kept = ("poi_id", "name", "description", "x_m", "y_m", "number", "room_type", "confidence", "state", "t_s")
-    return {name: getattr(poi, name) for name in kept} | {"photo": photo}
+    return {name: getattr(poi, name) for name in kept} | {"key": key_of(poi.number), "photo": photo}
 
 
 class RunFiles:

@@ -6,6 +6,7 @@ unread), RETAKE (to the planner), status and log. A latched stop ends the taking
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from math import hypot, radians
 from typing import Any
@@ -28,7 +29,7 @@ from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_bef
 from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.reading_job import Read, ReadingWorker, read
 from onboard.poi.signs.sign_reading import sign_rules
-from onboard.poi.signs.site_numbers import site_numbers
+from onboard.poi.signs.site_numbers import SiteNumbers, site_numbers
 from onboard.poi.survey import Survey
 
 NO_FRAMES_S = 2.0  # five previews
@@ -39,6 +40,8 @@ MOVED_M = 0.04  # a record whose place changed less is not published again
 SAME_RECORD_M = 0.6  # a door nearer to a record belongs to it; doors stand further apart
 RETAKE_NEAR_M = 4.0  # the robot does not drive further back than this
 DOOR, NAME_TAG = "Door", "Name Tag"
+
+_log = logging.getLogger("poi")
 
 
 def reader_of(section: PoiSection) -> Read:
@@ -81,6 +84,7 @@ class Poi:
         self._published: list[_Published] = []
         self._record_due_s = 0.0
         self._began_s: float | None = None
+        self._proposal = ""
 
     def step(self, bus: Bus, now_s: float) -> None:
         if self._began_s is None:
@@ -96,6 +100,7 @@ class Poi:
             if now_s >= self._record_due_s:
                 self._record_due_s = now_s + RECORD_PERIOD_S
                 doors = self._survey.records.doors()
+                self._report_proposal(self._survey.records.site)
                 self._publish_records(bus, now_s, pose, doors)
                 self._request_retake(bus, now_s, pose, doors)
         self._report(bus, now_s, stopped)
@@ -104,6 +109,11 @@ class Poi:
 
     def close(self) -> None:
         self._survey.close()
+
+    def _report_proposal(self, site: SiteNumbers) -> None:
+        if site.proposed and not self._proposal:
+            _log.info("numbers form=%s learned=%s: %s", site.proposed, site.learned, site.proposal)
+        self._proposal = site.proposed
 
     def _publish_records(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
         for door in doors:
@@ -185,7 +195,7 @@ class Poi:
             state=state,
             error=ErrorCode.NO_FRAMES if blind else ErrorCode.OK,
             ready=self._survey.worker.ready,
-            detail=f"{len(self._published)} doors",
+            detail=f"{len(self._published)} doors" + (f", numbers are {self._proposal}" if self._proposal else ""),
         )
 
 

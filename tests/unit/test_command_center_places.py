@@ -18,6 +18,23 @@ def test_a_place_is_the_number_of_a_door_or_metres() -> None:
     assert find_place("3.5,-1", DOORS) == (3.5, -1.0)
 
 
+@pytest.mark.parametrize("text", ["S1|07", "s1 | 07", "S1│07", "-1.05", "−1.05", "12b", "12B"])
+def test_a_door_is_found_by_its_shown_form_and_by_its_key(text: str) -> None:
+    doors = (Finding("S1|07", 1.0, 1.0), Finding("-1.05", 2.0, 2.0), Finding("12b", 3.0, 3.0))
+    assert find_place(text, doors) in {(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)}
+
+
+ALIKE = {"1.05": 1.0, "10.5": 2.0, "105": 3.0, "-1.05": 4.0, "1.11": 5.0, "11.1": 6.0, "1-11": 7.0, "111": 8.0}
+
+
+@pytest.mark.parametrize("text", ALIKE)
+def test_rooms_that_differ_only_in_separators_never_answer_one_goto(text: str) -> None:
+    doors = [Finding(number, x_m, 0.0) for number, x_m in ALIKE.items()]
+    assert find_place(text, doors) == (ALIKE[text], 0.0)
+    with pytest.raises(UnknownPlace, match="known are"):
+        find_place(text, [door for door in doors if door.number != text])
+
+
 @pytest.mark.parametrize("text", ["nan,0", "0,inf", "1e6,0", "0,-1e400", "1,2,3", "x,y", ",", "102", ""])
 def test_what_is_no_place_is_said_in_one_sentence(text: str) -> None:
     with pytest.raises(UnknownPlace) as refused:

@@ -125,6 +125,7 @@ def test_points_of_interest_are_given_to_doors_one_by_one(tmp_path: Path) -> Non
         "doors": 3,
         "doors_found": 2,
         "numbers_exact": 1,
+        "numbers_shown": 1,
         "numbers_wrong": 1,
         "types_shown": 2,
         "types_exact": 1,
@@ -134,6 +135,15 @@ def test_points_of_interest_are_given_to_doors_one_by_one(tmp_path: Path) -> Non
     }
     assert {name: figures[name] for name in expected} == expected
     assert figures["poi_p95_m"] == pytest.approx(0.218, abs=0.005)
+
+
+def test_number_is_shown_rightly_with_its_separators_only(tmp_path: Path) -> None:
+    floor = FLOOR | {"doors": [dict(FLOOR["doors"][0], number="1.05")]}
+    for number, exact, shown in (("1.05", 1, 1), ("105", 1, 0), ("10.5", 1, 0), ("1.06", 0, 0)):
+        folder = tmp_path / number
+        folder.mkdir()
+        figures = evaluate(floor, write_run(folder, drive(), both_walls(), [door(5.1, 0.0, number)]))
+        assert (figures["numbers_exact"], figures["numbers_shown"]) == (exact, shown)
 
 
 def test_run_that_found_nothing_is_judged_all_the_same(tmp_path: Path) -> None:

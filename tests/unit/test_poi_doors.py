@@ -17,7 +17,7 @@ from onboard.poi.doors.observations import Sign
 from onboard.poi.placement.wall_line import WallLine, WallPoint
 from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.sign_reading import SignReading, Verdict
-from onboard.poi.signs.site_numbers import site_numbers
+from onboard.poi.signs.site_numbers import PLATES_MIN, site_numbers
 
 CAMERA = CameraModel(640, 480)
 SITE = site_numbers(PoiSection())
@@ -208,3 +208,42 @@ def test_single_reading_of_a_number_that_another_door_has_is_dropped() -> None:
     assert len(records.doors()) == 1
     records.add_sign(on_wall(9.0), 9.5, plate("101"))
     assert len(records.doors()) == 2
+
+
+def doubtful(number: str) -> SignReading:
+    shown = RoomNumber(number, "building-room")
+    return SignReading(Verdict.DOUBTFUL, shown, "", 0.99, (0.0, 0.0, 10.0, 10.0), (number,))
+
+
+def test_number_of_another_form_is_doubtful_on_its_door_and_no_record_by_itself() -> None:
+    records = records_with_door(3.0)
+    for _ in range(3):
+        on_door = records.add_sign(on_wall(3.0), 7.0, doubtful("16-101"))
+        records.add_sign(on_wall(9.0), 7.0, doubtful("16-102"))
+    (door,) = records.doors()
+    assert door.state is State.DOUBTFUL
+    assert door.sign is on_door
+    assert on_door.number == "16-101"
+    assert on_door.settled
+    assert not on_door.wants_photo
+
+
+def test_doubtful_plates_count_once_enough_of_them_share_a_form() -> None:
+    records = DoorRecords(lambda left, right: True, SITE)
+    for i in range(PLATES_MIN):
+        assert records.doors() == []
+        for _ in range(2):
+            records.add_sign(on_wall(3.0 * i), 7.0, doubtful(f"16-{101 + i}"))
+    assert sorted((door.sign.number, door.state) for door in records.doors() if door.sign is not None) == [
+        (f"16-{101 + i}", State.READ) for i in range(PLATES_MIN)
+    ]
+
+
+def test_rooms_that_differ_only_in_separators_are_two_doors() -> None:
+    records = DoorRecords(lambda left, right: True, site_numbers(PoiSection(number_presets=("floor.room",))))
+    for x_m, number in ((0.0, "1.11"), (1.0, "11.1")):
+        shown = RoomNumber(number, "floor.room")
+        for _ in range(2):
+            reading = SignReading(Verdict.PLATE, shown, "", 0.99, (0.0, 0.0, 10.0, 10.0), (number,))
+            records.add_sign(on_wall(x_m), 7.0, reading)
+    assert sorted(door.sign.number for door in records.doors() if door.sign is not None) == ["1.11", "11.1"]

@@ -32,6 +32,7 @@ from onboard.poi.placement.wall_line import WallLine
 from onboard.poi.signs.reading_job import Job, read
 from onboard.poi.signs.sign_detection import Box, sign_candidates
 from onboard.poi.signs.sign_reading import Verdict, sign_rules
+from onboard.poi.signs.site_numbers import PLATES_MIN
 from onboard.poi.signs.text_line import TextLine
 
 
@@ -207,6 +208,72 @@ def test_read_signs_prints_a_json_line_for_every_plate(tmp_path: Path, capsys: p
     finding = json.loads(line)
     assert (finding["number"], finding["room_type"]) == ("304", "Office")
     assert (finding["x_m"], finding["y_m"]) == pytest.approx((2.0, 0.0), abs=0.05)
+
+
+FIELDS = ["image", "kind", "text", "number", "key", "room_type", "confidence", "state", "box", "reason"]
+
+
+def plate_photo(number: str, room_type: str = "") -> Image:
+    plate = np.asarray(draw_plate(Plate(0, 0, False, 1.5, 0.2, 0.15, 0.035, "dark on light"), number, room_type))
+    return cv2.copyMakeBorder(
+        np.ascontiguousarray(plate[..., ::-1]), 240, 240, 240, 240, cv2.BORDER_CONSTANT, value=(222, 230, 232)
+    )
+
+
+@pytest.fixture
+def read_signs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[dict[str, dict[str, Any]], str]]:
+    """`read_signs(number=photo, ..., toml="")` -> what was printed by the photo's name, and what went to stderr."""
+    pytest.importorskip("rapidocr")
+
+    def run(*arguments: str, toml: str = "", **photos: Image) -> tuple[dict[str, dict[str, Any]], str]:
+        (tmp_path / "photos").mkdir()
+        (tmp_path / "robot.toml").write_text(toml, encoding="utf-8")
+        for name, photo in photos.items():
+            cv2.imwrite(str(tmp_path / "photos" / f"{name}.png"), photo)
+        config = ["--config", str(tmp_path / "robot.toml")]
+        assert main(["read-signs", str(tmp_path / "photos"), *config, *arguments]) == 0
+        out, err = capsys.readouterr()
+        return {Path(f["image"]).stem: f for f in map(json.loads, out.splitlines())}, err
+
+    return run
+
+
+def test_read_signs_prints_what_a_sign_is_and_why(read_signs: Callable[..., Any], tmp_path: Path) -> None:
+    toml = '[poi]\nnumber_presets = ["building-room"]'
+    folder = tmp_path / "explained"
+    photos = {
+        "plate": plate_photo("16-101", "Office"),
+        "foreign": plate_photo("2.01"),
+        "sign": plate_photo("FIRE EXIT"),
+    }
+    found, _ = read_signs("--explain", str(folder), toml=toml, **photos)
+    assert [list(finding) for finding in found.values()] == [FIELDS] * 3
+    shown = {name: [finding[f] for f in ("kind", "number", "key", "state")] for name, finding in found.items()}
+    assert shown == {
+        "plate": ["plate", "16-101", "16-101", "read"],
+        "foreign": ["plate", "", "", "unread"],
+        "sign": ["other", "", "", "unread"],
+    }
+    assert (found["plate"]["text"], found["plate"]["room_type"], found["plate"]["reason"]) == (
+        "16-101\nOffice",
+        "Office",
+        "",
+    )
+    assert found["foreign"]["reason"] == "the site's numbers are not floor.room"
+    assert found["sign"]["reason"]
+    pictures = sorted(folder.iterdir())
+    assert [cv2.imread(str(picture)).shape for picture in pictures] == [photos[name].shape for name in sorted(photos)]
+
+
+def test_read_signs_learns_the_form_that_most_plates_share(read_signs: Callable[..., Any]) -> None:
+    photos = {f"photo{n}": plate_photo(f"16-{n}") for n in range(101, 101 + PLATES_MIN)}
+    found, complaint = read_signs(**photos)
+    assert {finding["number"]: finding["state"] for finding in found.values()} == {
+        f"16-{n}": "read" for n in range(101, 101 + PLATES_MIN)
+    }
+    assert 'number_presets = ["building-room"]' in complaint
 
 
 def test_read_signs_goes_on_after_a_photo_that_it_cannot_read(

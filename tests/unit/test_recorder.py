@@ -162,6 +162,7 @@ def test_point_of_interest_keeps_its_photo_when_its_record_is_refined(run: Run) 
     run.recorder.close()
     records = json.loads((run.folder / "pois.json").read_text())
     assert [(r["poi_id"], r["number"], r["photo"]) for r in records] == [(4, "101A", "photos/poi_4.jpg"), (5, "12", "")]
+    assert [r["key"] for r in records] == ["101A", "12"]
     assert (run.folder / "photos" / "poi_4.jpg").read_bytes() == b"jpeg"
 
 

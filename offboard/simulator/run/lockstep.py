@@ -26,7 +26,7 @@ from offboard.simulator.electronics.avr_board import AvrBoard
 from offboard.simulator.electronics.board import Board, FirmwareBuildError, HostBoard
 from offboard.simulator.electronics.serial_line import HostPort
 from offboard.simulator.physics.world import STEP_S
-from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder
+from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder, site_section
 from offboard.simulator.run.route import RouteDriver
 from offboard.simulator.run.simulation import Simulation
 from offboard.simulator.stopwatch import BESIDE, BUS, REST, WORLD, Stopwatch
@@ -151,7 +151,7 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
         camera=options.camera,
         events=events,
     )
-    config = Config()
+    config = Config(poi=site_section(options))
     # Without a recorder nobody would ever acknowledge its messages
     outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     if simulation.camera is not None:

@@ -7,6 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from common.config import PoiSection, load_config
 from common.errors import StartError
 from common.json_reader import load_json
 from offboard.runs.run_folder import TRAJECTORY_NAME
@@ -36,6 +37,7 @@ class RunOptions:
     events: Path | None = None
     board: str = "host"  # or "avr", `simulate` only
     route: str | None = None  # "centrelines": a scripted drive, `simulate` only
+    config: Path | None = None  # robot.toml, of which [poi] holds: what the plates of this building look like
 
     def as_dict(self) -> dict[str, Any]:
         """For summary.json: plain values."""
@@ -71,7 +73,13 @@ def load_world(options: RunOptions) -> tuple[Floor, Events]:
         raise StartError(f"The seed must be 0 or more, not {options.seed}.")
     if not 0.0 < options.speed <= SPEED_MAX:
         raise StartError(f"The speed must be above 0 and at most {SPEED_MAX:g}, not {options.speed:g}.")
+    site_section(options)
     return floor, events
+
+
+def site_section(options: RunOptions) -> PoiSection:
+    """What the robot is told of the building's plates; raises StartError."""
+    return load_config(options.config).poi
 
 
 def floor_json(options: RunOptions) -> dict[str, Any]:

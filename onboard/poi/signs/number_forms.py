@@ -19,11 +19,10 @@ from common.room_number import key_of, plain
 from onboard.poi.signs.false_numbers import suspicion
 
 LETTERS_MAX = 12  # no room number has more, and a site's own pattern may take time that doubles with each
+TOO_COMMON = ("short",)  # forms that too much has by chance to be learned
 REPAIRS_MAX = 3  # letters that are exchanged in one number
 # Behind or before a number in East Asian buildings; the engine reads counter words that it lacks as some ideograph
-_IDEOGRAPHS = re.compile(
-    r"^[\u2e80-\u9fff\uac00-\ud7af\uf900-\ufaff]{1,3}|[\u2e80-\u9fff\uac00-\ud7af\uf900-\ufaff]{1,3}$"
-)
+_IDEOGRAPHS = "[\u2e80-\u9fff\uac00-\ud7af\uf900-\ufaff]{1,3}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,10 @@ class NumberForms:
         """The number on a line of text, None when there is none."""
         text = plain(line)
         core, words = self._without_words(text)
-        return self._of_form(core, words) or (self._of_form(text, "") if words else None)
+        both = (self._of_form(core, words), self._of_form(text, "") if words else None)
+        found = [number for number in both if number is not None]
+        # Words of the list may be letters of a number: LAB204
+        return next((number for number in found if number.form in self.own), found[0] if found else None)
 
     def counts(self, number: RoomNumber) -> bool:
         """Whether a number counts by itself: of a form of the site, and nothing else that it may be."""
@@ -122,7 +124,7 @@ def site_forms(section: PoiSection) -> NumberForms:
             repairs[meant.upper()] = repairs.get(meant.upper(), "") + read
     return NumberForms(
         own | {name: compiled[name] for name in PRESETS if name in names},
-        {name: pattern for name, pattern in compiled.items() if name not in names},
+        {name: pattern for name, pattern in compiled.items() if name not in (*names, *TOO_COMMON)},
         _word_patterns(section.words_before, section.words_behind, section.room_types),
         repairs,
     )
@@ -137,9 +139,9 @@ def _word_patterns(before: Sequence[str], behind: Sequence[str], beside: Sequenc
 
     # A word ends where its letters do: "No" is no part of "NORD 3"
     edge = r"(?:(?<![^\W\d_])|(?![^\W\d_]))"
-    first = rf"^(?:(?:{one_of([*before, *beside])}){edge}[\s.:]*)+"
-    last = rf"(?:[\s.:]*{edge}(?:{one_of([*behind, *beside])}))+$"
-    return re.compile(first, re.IGNORECASE), re.compile(last, re.IGNORECASE), _IDEOGRAPHS
+    first = rf"^{_IDEOGRAPHS}|^(?:(?:{one_of([*before, *beside])}){edge}[\s.:]*)+"
+    last = rf"(?:[\s.:]*{edge}(?:{one_of([*behind, *beside])}))+$|{_IDEOGRAPHS}$"
+    return re.compile(first, re.IGNORECASE), re.compile(last, re.IGNORECASE)
 
 
 def _spellings(text: str) -> list[str]:

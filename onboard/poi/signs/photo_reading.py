@@ -6,9 +6,10 @@ and distance of the wall, the sign gets a place too.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from math import radians
 from pathlib import Path
-from typing import Any
 
 import cv2
 
@@ -17,58 +18,65 @@ from common.geometry import Pose2
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import FULL_SIZE_PX, Image
 from onboard.poi.camera.frame_source import pose_sidecar, read_photo
-from onboard.poi.camera.sharpness import sharpness
 from onboard.poi.placement.wall_line import WallLine
 from onboard.poi.signs.grouping import signs
+from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.ocr_engine import SignReader
+from onboard.poi.signs.photo_findings import PhotoFinding, explained
 from onboard.poi.signs.sign_reading import SignReading, Verdict, sign_rules
+from onboard.poi.signs.site_numbers import SiteNumbers, site_numbers
 
 PHOTO_DETECTION_SIDE_PX = 640  # finds 98 % of the numbers in photos from 1 to 3 m, and no false ones
 
 
 class PhotoReader:
-    """Reads number plates in photos, one photo at a time. Loading its models takes about a second."""
+    """Reads signs in photos of one site, one photo at a time. Loading its models takes about a second.
+
+    `site`: which numbers count there, by all photos so far.
+    """
 
     def __init__(self, section: PoiSection) -> None:
+        self.site = site_numbers(section)
         self._section = section
         self._rules = sign_rules(section)
         self._reader = SignReader(PHOTO_DETECTION_SIDE_PX)
+        self._numbers: list[RoomNumber] = []
 
-    def findings(self, file: Path) -> list[dict[str, Any]]:
-        """One record per number plate; raises StartError or OSError when photo or sidecar cannot be read."""
+    def findings(self, file: Path) -> list[PhotoFinding]:
+        """All signs in a photo; raises StartError or OSError when photo or sidecar cannot be read."""
         photo = read_photo(file)
+        readings = self._readings(photo)
+        self._numbers += [
+            reading.number
+            for reading in readings
+            if reading.number is not None and reading.verdict in (Verdict.PLATE, Verdict.DOUBTFUL)
+        ]
+        self.site = self.site.after(self._numbers)
+        return [PhotoFinding(str(file), reading, _place(file, photo, reading, self._section)) for reading in readings]
+
+    def _readings(self, photo: Image) -> list[SignReading]:
+        """All signs, places in pixels of the photo."""
         scale = min(1.0, FULL_SIZE_PX[0] / max(photo.shape[:2]))
         image = cv2.resize(photo, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else photo
-        readings = (self._rules.judge(lines) for lines in signs(self._reader.lines(image)))
-        return [
-            _record(file, image, reading, scale) | _place(file, photo, reading, scale, self._section)
-            for reading in readings
-            if reading.verdict is Verdict.PLATE
-        ]
+        readings = [self._rules.judge(lines) for lines in signs(self._reader.lines(image))]
+        boxes = [(x / scale, y / scale, w / scale, h / scale) for x, y, w, h in (r.box for r in readings)]
+        return [replace(reading, box=box) for reading, box in zip(readings, boxes, strict=True)]
 
 
-def _record(file: Path, image: Image, reading: SignReading, scale: float) -> dict[str, Any]:
-    x, y, width, height = reading.box
-    part = image[max(int(y), 0) : int(y + height) + 1, max(int(x), 0) : int(x + width) + 1]
-    sharp = sharpness(cv2.cvtColor(part, cv2.COLOR_BGR2GRAY))
-    return {
-        "file": str(file),
-        "number": reading.number.shown if reading.number is not None else "",
-        "room_type": reading.room_type,
-        "confidence": round(reading.confidence, 4),
-        "box_px": [round(v / scale, 1) for v in reading.box],
-        "sharpness": round(sharp.gradient, 1),
-        "laplacian_variance": round(sharp.laplacian_variance, 1),
-        "high_frequency_share": round(sharp.high_frequency_share, 4),
-    }
-
-
-def _place(file: Path, photo: Image, reading: SignReading, scale: float, section: PoiSection) -> dict[str, float]:
+def _place(file: Path, photo: Image, reading: SignReading, section: PoiSection) -> dict[str, float]:
     sidecar = pose_sidecar(file)
     if not sidecar:
         return {}
     camera = CameraModel(photo.shape[1], photo.shape[0], radians(section.field_of_view_deg))
-    bearing_rad = camera.bearing_rad((reading.box[0] + reading.box[2] / 2) / scale)
+    bearing_rad = camera.bearing_rad(reading.box[0] + reading.box[2] / 2)
     pose = Pose2(sidecar["x_m"], sidecar["y_m"], sidecar["heading_rad"])
     point = WallLine(sidecar["wall_m"], 0.0).point(pose, bearing_rad)
     return {"x_m": round(point.x_m, 3), "y_m": round(point.y_m, 3)} if point is not None else {}
+
+
+def write_explained(file: Path, findings: Sequence[PhotoFinding], site: SiteNumbers, to: Path) -> None:
+    """The photo with the judgement of its signs drawn into it, as JPEG; raises StartError or OSError."""
+    works, data = cv2.imencode(".jpg", explained(read_photo(file), findings, site))
+    if not works:
+        raise OSError(f"{to} cannot be encoded")
+    to.write_bytes(data.tobytes())

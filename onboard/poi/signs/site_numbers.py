@@ -47,6 +47,15 @@ class SiteNumbers:
         """Numbers of the proposed form count: the site named none of its own."""
         return bool(self.proposed) and not self.named
 
+    @property
+    def proposal(self) -> str:
+        """One sentence on the proposed form; empty while there is none."""
+        if not self.proposed:
+            return ""
+        share = f"{sum(form == self.proposed for form, _ in self.keys)} of {len(self.keys)}"
+        counts = "they count" if self.learned else "robot.toml names other forms, so they do not count"
+        return f'{share} numbers are {self.proposed} (number_presets = ["{self.proposed}"]); {counts}.'
+
     def doubt(self, number: RoomNumber) -> str:
         """Why a number does not count, empty when it does."""
         if number.form not in self.own and not (self.learned and number.form == self.proposed):
@@ -54,6 +63,10 @@ class SiteNumbers:
         if number.suspicion and self._backing(number) < BACKING_MIN:
             return f"may be {number.suspicion}"
         return ""
+
+    def may_count(self, number: RoomNumber) -> bool:
+        """Whether other plates can make it count: not where robot.toml names other forms."""
+        return number.form in self.own or not self.named
 
     def _backing(self, number: RoomNumber) -> int:
         stem, length = number.key[:-ALIKE], len(number.key)
