@@ -18,6 +18,7 @@ from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 from common.constants import (
     CAMERA_FIELD_OF_VIEW_RAD,
     ENCODER_TICKS_PER_TURN,
+    SERIAL_BAUD,
     SONAR_BEARINGS_RAD,
     SONAR_COUNT,
     WHEEL_DIAMETER_M,
@@ -95,8 +96,8 @@ class BoardSection:
 class BridgeSection:
     serial_port: str = "/dev/ttyACM0"
     """Device of the Arduino; better than the default: the board's own name below /dev/serial/by-id."""
-    baud: Annotated[int, Between(1, 10_000_000)] = 115200
-    """Bits per second; the firmware has a fixed 115200."""
+    baud: Annotated[int, Between(1, 10_000_000)] = SERIAL_BAUD
+    """Bits per second; the firmware has a fixed 250000."""
 
 
 @dataclass(frozen=True, slots=True)

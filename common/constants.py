@@ -12,6 +12,9 @@ MAP_RATE_MAX_HZ = 2.0  # k_update_frequency, on change
 STATUS_RATE_HZ = 10.0  # k_log_period
 BOARD_RATE_HZ = 0.2  # load, temperature and disk of a computer
 
+# Serial line between the Arduino and the bridge, bits per second: one that divides the Arduino's clock exactly
+SERIAL_BAUD = 250_000
+
 # Speeds and turning
 SPEED_MEDIUM_M_S = 0.16  # k_medium_speed, ENUM_SPEED.MEDIUM, K_system_Speed
 SPEED_HIGH_M_S = 0.50  # k_high_speed, ENUM_SPEED.HIGH: as requested; the Carrier clamps to the motor limit

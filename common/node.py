@@ -33,10 +33,11 @@ class Node(Protocol):
 class FileNode(Protocol):
     """A node that is also woken by what arrives at a file."""
 
-    settle_s: float  # from the first byte to the step: what comes within is taken together
-
     def fileno(self) -> int | None:
         """The descriptor to wait on now; None where there is none."""
+
+    def settle_s(self, now_s: float) -> float:
+        """From the first byte, which comes now, to the step (s): what comes within is taken together."""
 
 
 class Agenda:
@@ -45,6 +46,8 @@ class Agenda:
     def __init__(self, node: Node, begin_s: float) -> None:
         self.woken = False  # a message came of those to wake on
         self._node = node
+        # Once: what checks a protocol at run time costs more than the rest of a wait
+        self._of_file = node if isinstance(node, FileNode) else None
         self._deadline_s = begin_s
         self.earliest_s = begin_s  # it is not stepped before that, whatever arrives
         self._settled_s = inf
@@ -57,12 +60,12 @@ class Agenda:
 
     def fileno(self) -> int | None:
         """The file to watch; None where there is none, or where it has something already."""
-        return self._node.fileno() if self._settled_s == inf and isinstance(self._node, FileNode) else None
+        return self._of_file.fileno() if self._of_file is not None and self._settled_s == inf else None
 
     def file_has(self, now_s: float) -> None:
         """Something has arrived at the file."""
-        assert isinstance(self._node, FileNode)
-        self._settled_s = now_s + self._node.settle_s
+        assert self._of_file is not None
+        self._settled_s = now_s + self._of_file.settle_s(now_s)
 
     def begin_step(self) -> None:
         """What wakes it from now on is not taken by this step for certain."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 import subprocess
 import sys
 
+from common.constants import SERIAL_BAUD
 from common.messages import Speed
 from deploy.bench.order import Order
 from deploy.boards.board_link import BoardLink
 from offboard.simulator.building.floor import load_floor
 from offboard.simulator.electronics.avr_board import AvrBoard, build_avr_firmware
-from offboard.simulator.electronics.serial_line import BAUD, BITS_PER_BYTE, HostPort, SerialLine
+from offboard.simulator.electronics.serial_line import BITS_PER_BYTE, HostPort, SerialLine
 from offboard.simulator.error_profiles import PROFILES, random_stream
 from offboard.simulator.physics.world import STEP_S, World
 from offboard.simulator.run.options import FLOORS
@@ -56,5 +57,6 @@ def bench(_: Order) -> None:
         f"processor: control loop {100 * (board.busy_share - board.interrupt_share):.0f} %, interrupts "
         f"{100 * board.interrupt_share:.0f} %, worst interrupt latency {board.worst_interrupt_latency_us:.0f} us\n"
         f"memory never touched {board.untouched_ram} bytes of 8192\n"
-        f"line {bytes_per_s:.0f} bytes/s, {100 * bytes_per_s * BITS_PER_BYTE / BAUD:.0f} % of {BAUD} baud\n"
+        f"line {bytes_per_s:.0f} bytes/s, {100 * bytes_per_s * BITS_PER_BYTE / SERIAL_BAUD:.0f} % of "
+        f"{SERIAL_BAUD} baud\n"
     )

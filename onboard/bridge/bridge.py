@@ -52,13 +52,17 @@ from onboard.bridge.protocol import (
     Stop,
     Stp,
 )
-from onboard.bridge.serial_link import BURST_S, LinkState, SerialLink
+from onboard.bridge.serial_link import LinkState, SerialLink
 from onboard.bridge.serial_port import Port, SerialLost, SerialPort
 
 REPEAT_S = 0.1  # until the board confirms
 NOISE_LINES = 10  # damaged lines within NOISE_WINDOW_S that are worth a warning
 
 _WORKING = (CarState.READY, CarState.MOVING, CarState.BACKING_OFF)
+# From the first byte to the step that takes it. A period's reports stand on the wire within 19 ms, odometry and ranges
+# in their last 8; a line that comes alone, soon after them, is of something that has changed
+_BURST_S, _LINE_S = 0.022, 0.003
+_BETWEEN_BURSTS_S = 0.06  # since the step that took one: the next one has not begun
 _JUST_AFTER_S = 0.001  # after its timeout a permit counts no longer, not at it
 _order = attrgetter(*(field.name for field in fields(DriveCommand) if field.name != "t_s"))
 P = TypeVar("P")
@@ -71,7 +75,6 @@ class Bridge:
 
     name = "bridge"
     period_s = 0.1
-    settle_s = BURST_S
     wakes_on: tuple[Topic[Any], ...] = (STOP, PERMIT, DRIVE)
 
     def __init__(self, port_factory: Callable[[], Port]) -> None:
@@ -82,6 +85,7 @@ class Bridge:
         self._car: CarSta | None = None
         self._stop: Stp | None = None
         self._carrier: CarrierReport | None = None  # the newest report
+        self._sensed_s = float("-inf")  # the step that took odometry
         self._riding: list[tuple[Topic[Any], Any]] = []  # no news, not published yet
         self._heartbeat_counts = {"sim": 0, "car": 0}
         self._logged: dict[str, tuple[str, int]] = {}
@@ -95,6 +99,9 @@ class Bridge:
 
     def fileno(self) -> int | None:
         return self._link.fileno()
+
+    def settle_s(self, now_s: float) -> float:
+        return _LINE_S if now_s - self._sensed_s < _BETWEEN_BURSTS_S else _BURST_S
 
     def step(self, bus: Bus, now_s: float) -> float:
         try:
@@ -110,6 +117,8 @@ class Bridge:
         except SerialLost as error:
             self._link.close(str(error))
             sensed = True
+        if sensed:
+            self._sensed_s = now_s
         # What is no news travels in one bundle with the next odometry
         if sensed or now_s >= self._status.latest_s:
             self._publish_riding(bus)

@@ -18,9 +18,6 @@ LINE_LOST_S = 0.3  # no valid line for this long: the board is lost
 REOPEN_S = 1.0
 RESET_AFTER_S = 10.0  # a port that stays silent for this long is opened anew
 NOISE_WINDOW_S = 10.0
-# From the first byte of a burst to the step that takes it. Its first line takes 5 ms on the wire, so that none waits
-# for more than 10 ms
-BURST_S = 0.015
 
 _log = logging.getLogger("bridge")
 
@@ -47,7 +44,6 @@ class SerialLink:
         self._opening = Pace(REOPEN_S)
         self._decoder = LineDecoder()
         self._received_s = float("-inf")
-        self.receiving = False  # a line has begun that is not complete yet
         self._clock = BoardClock()
         self._started_s: float | None = None
         self._noise: deque[tuple[float, int]] = deque([(float("-inf"), 0)])
@@ -86,10 +82,7 @@ class SerialLink:
         if self._port is None and not self._reopen(now_s):
             return
         assert self._port is not None
-        data = self._port.read()
-        if data:
-            self.receiving = not data.endswith(b"\n")
-        for received in self._decoder.feed(data):
+        for received in self._decoder.feed(self._port.read()):
             yield from self._take_line(received, now_s)
         silent_s = now_s - self._received_s
         if self.connected and silent_s >= LINE_LOST_S:
@@ -124,7 +117,6 @@ class SerialLink:
         if why != self.why_closed:
             _log.warning("link=CLOSED reason=%s", why)
         self._port, self.state, self.why_closed = None, LinkState.CLOSED, why
-        self.receiving = False
         self._forget_board()
 
     def _reopen(self, now_s: float) -> bool:

@@ -20,7 +20,7 @@ from common.config import CommSection, Config
 from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode, StartError
 from common.fields import CHALLENGE_BYTES
-from common.messages import CARRIER, OPERATION, PERMIT, STATUS, STOP, Operation, Permit, Topic
+from common.messages import CARRIER, ODOMETRY, OPERATION, PERMIT, STATUS, STOP, Operation, Permit, Topic
 from common.modules import ON_ROBOT
 from common.pace import Pace
 from common.release import Release, own_release
@@ -70,8 +70,9 @@ class Comm:
 
     name = "comm"
     period_s = 0.1
-    # Of the reports only what is news: a stop that bridge or board hold, a module that is ready no more
-    wakes_on: tuple[Topic[Any], ...] = (STOP, OPERATION, CARRIER, *(STATUS[name] for name in _WATCHED))
+    # Of the reports only what is news: a stop that bridge or board hold, a module that is ready no more. Odometry, so
+    # that its own period is in step with that of the others: it costs less when all work at the same time
+    wakes_on: tuple[Topic[Any], ...] = (STOP, OPERATION, CARRIER, ODOMETRY, *(STATUS[name] for name in _WATCHED))
 
     def __init__(
         self,

@@ -1,8 +1,8 @@
 """The outbox of comm: every recorded message of the robot's modules -> `OUTBOX`, until `RECEIPT` (CM_MR_01).
 
-Messages wait in RAM for at most ROW_PERIOD_S, then on the disk, and leave it when the recorder acknowledges that its
-database has them. A message is identified by sender and number, so that it is stored once, whichever process is killed
-and however often the link is lost.
+Messages wait in the bus for at most ROW_PERIOD_S, then on the disk, and leave it when the recorder acknowledges that
+its database has them. A message is identified by sender and number, so that it is stored once, whichever process is
+killed and however often the link is lost.
 
 Above its limit on the disk only status and log are thinned out, to one message in THINNED_TO. The numbers that were
 published and dropped travel with the rows.
@@ -60,7 +60,7 @@ class Outbox:
         self._store: OutboxStore = open_store(file, new_id)
         self._limit_bytes = min(limit_bytes, RAM_BYTES // 2) if self._store.in_memory else limit_bytes
         self._disk = disk_worker("outbox", at_once=new_id is not None)
-        self._recording = False
+        self._bus: Bus | None = None  # from the first step on: what it records
         self._spool, self._spooled = spool, 0  # and its mark of what the disk has been handed
         self._crash_buffer = CrashBuffer(_RECORDER_KEYS)
         self._received: Known = dict(self._store.received)
@@ -89,9 +89,9 @@ class Outbox:
         return self._stored_bytes > self._limit_bytes or not self._disk_works
 
     def step(self, bus: Bus, now_s: float) -> None:
-        if not self._recording:
+        if self._bus is None:
+            self._bus = bus
             self._begin_recording(bus)
-        self._collect(bus)
         self._look_at_disk(now_s)
         self._take_receipts(bus, now_s)
         self._save(now_s)
@@ -110,6 +110,7 @@ class Outbox:
         outcome = self._disk.close()
         if outcome is not None and outcome.value is not None and outcome.value.refused is None:
             self._forget_saved()
+        self._collect()
         if (self._waiting or self._dropped) and self._disk_works:
             with suppress(*DISK_ERRORS):
                 self._work(len(self._waiting))()
@@ -119,7 +120,6 @@ class Outbox:
         self._store.close()
 
     def _begin_recording(self, bus: Bus) -> None:
-        self._recording = True
         if self._spool is not None and isinstance(bus, SpoolingBus):
             for message in self._spool.left():
                 source = (message.key, message.boot_id)
@@ -129,21 +129,27 @@ class Outbox:
             bus.spool(self._spool.append)
         bus.record((*ROBOT_RECORDED, *_OF_RECORDER), self._received)
 
-    def _collect(self, bus: Bus) -> None:
+    def _collect(self) -> None:
+        bus = self._bus
         # What does not fit stays with the bus, and with the producers beyond that
-        if self._waiting_bytes > WAITING_BYTES_MAX:
+        if bus is None or self._waiting_bytes > WAITING_BYTES_MAX:
             return
         thinning = self.thinning
+        kept: list[RecordedMessage] = []
+        newest: Known = {}
         for message in bus.take_recorded():
-            source = (message.key, message.boot_id)
             if message.key in _RECORDER_KEYS:
-                self._wait(self._crash_buffer.add(message))
+                kept += self._crash_buffer.add(message)
                 continue
-            remember(self._received, source, message.sequence)
+            source = (message.key, message.boot_id)
+            newest[source] = message.sequence
             if thinning and message.key in _THINNED and message.sequence % THINNED_TO:
                 add_loss(self._dropped, source, message.sequence, message.sequence)
-                continue
-            self._wait([message])
+            else:
+                kept.append(message)
+        for source, sequence in newest.items():
+            remember(self._received, source, sequence)
+        self._wait(kept)
         for source, (first, last) in bus.take_lost().items():
             if source[0] in _RECORDER_KEYS:
                 continue
@@ -202,9 +208,13 @@ class Outbox:
             self._next_rows_due = self._stored_bytes > len(rows.data)
 
     def _save(self, now_s: float) -> None:
-        """Hand over what waits, when it is time; what is acknowledged is removed by the way."""
+        """Takes what came and hands it over with what waits, when it is time; what is acknowledged is removed by the
+        way."""
         urgent = self._next_rows_due and self._disk_works
-        if self._disk.busy or (now_s < self._save_due_s and not urgent):
+        if now_s < self._save_due_s and not urgent:
+            return
+        self._collect()
+        if self._disk.busy:
             return
         if not (self._waiting or self._dropped) and self._sender.acknowledged == self._removed:
             return

@@ -14,7 +14,7 @@ import numpy as np
 
 from common.bus import Bus, alive, alive_and_valid, expires_s
 from common.config import Config
-from common.constants import POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
+from common.constants import ANGLE_ERROR_RAD, POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
 from common.messages import (
@@ -64,6 +64,9 @@ from onboard.planner.mission.table import BLOCKED, Event
 
 VIEW_PERIOD_S = 0.5
 COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
+COMMAND_MAX_S = 1.0  # a command in motion is not repeated for longer than this; then comes a new one
+# A heading that has changed by less is no new command. Driven: half of what the Carrier holds it to
+STANDING_HEADING_RAD, DRIVEN_HEADING_RAD = 0.03, ANGLE_ERROR_RAD / 2
 BOOT_BITS = 16
 PATH_SHOWN_MAX = 2_000  # waypoints
 
@@ -98,7 +101,7 @@ class Planner:
         self._points = WallPointMap()
         self._wanted = Motion(Speed.STOP, 0.0)
         self._pose_seen: PoseEstimate | None = None
-        self._command_id = 0
+        self._command_id, self._command_s = 0, -math.inf  # of the last new one
         self._commanded: DriveCommand | None = None
         self._command_pace = Pace(COMMAND_PERIOD_S)
         self._view_sent_s = -math.inf
@@ -272,14 +275,24 @@ class Planner:
         last = self._commanded
         if not self._command_pace.due(now_s, urgent=last is None or motion.speed is not last.speed):
             return
-        standing = motion.speed is Speed.STOP and last is not None and last.speed is Speed.STOP
-        if standing and last is not None and abs(wrap_angle(yaw_rad - last.yaw_rad)) < 0.03:
-            bus.publish(DRIVE, replace(last, t_s=now_s), news=False)
+        if last is not None and self._holds(last, motion.speed, yaw_rad, now_s):
             self._commanded = replace(last, t_s=now_s)
+            bus.publish(DRIVE, self._commanded, news=False)
             return
         self._command_id += 1
+        self._command_s = now_s
         self._commanded = DriveCommand(now_s, self._command_id, motion.speed, yaw_rad, boot=self._boot)
         bus.publish(DRIVE, self._commanded)
+
+    def _holds(self, last: DriveCommand, requested: Speed, yaw_rad: float, now_s: float) -> bool:
+        """What was commanded last is still what is wanted. In motion for COMMAND_MAX_S at most: bridge and board begin
+        no command again that they have dropped."""
+        turned_rad = abs(wrap_angle(yaw_rad - last.yaw_rad))
+        if requested is not last.speed:
+            return False
+        if requested is Speed.STOP:
+            return turned_rad < STANDING_HEADING_RAD
+        return turned_rad < DRIVEN_HEADING_RAD and now_s - self._command_s < COMMAND_MAX_S
 
     def _due_s(self, bus: Bus, now_s: float) -> float:
         """When there is something to do though nothing arrives."""

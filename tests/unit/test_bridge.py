@@ -273,6 +273,15 @@ def test_reports_reach_the_mesh_ten_times_a_second() -> None:
         assert len(rig.others.take(topic)) in (29, 30, 31), topic.key
 
 
+def test_a_burst_of_reports_is_waited_for_and_a_line_that_comes_alone_is_not() -> None:
+    rig = driving_rig()
+    rig.others.take(ODOMETRY)
+    rig.run_until(lambda: rig.others.take(ODOMETRY))
+    taken_s = rig.now_s
+    assert rig.bridge.settle_s(taken_s + 0.03) < 0.005
+    assert 0.019 < rig.bridge.settle_s(taken_s + 0.08) < 0.03
+
+
 @pytest.mark.requirement("CAR_MR_06", "CC_MR_03")
 def test_status_of_the_carrier_keeps_its_rate_while_it_is_steered() -> None:
     rig = driving_rig()

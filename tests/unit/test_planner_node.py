@@ -50,7 +50,7 @@ from common.side_work import LOOK_S, DeferredWorker, JobOutcome, WorkLost
 from onboard.planner.driving.net_rotation_balancing import AHEAD_RAD
 from onboard.planner.driving.zero_velocity_update import REST_EVERY_S, REST_S
 from onboard.planner.grid.deliberation import Deliberator, Query, deferred_deliberator, load
-from onboard.planner.planner import Planner
+from onboard.planner.planner import COMMAND_MAX_S, Planner
 from tests.unit.test_planner_grid_map import drawn, hall, update_of
 
 TICK_S = 0.005
@@ -171,6 +171,17 @@ def test_commands_come_at_least_ten_times_a_second_and_ids_never_fall() -> None:
 
 def test_standing_commands_keep_their_id_so_that_the_carrier_is_left_in_peace() -> None:
     assert len({c.command_id for c in Robot().run(3.0)}) == 1
+
+
+def test_a_command_in_motion_keeps_its_id_while_its_heading_does_and_for_a_second_at_most() -> None:
+    """Whoever dropped it, at a stop that the planner has not seen, begins the next one."""
+    robot = Robot().started()
+    robot.run(3.0)
+    newest: dict[int, list[float]] = {}
+    for command in robot.run(4.0):
+        newest.setdefault(command.command_id, []).append(command.t_s)
+    assert 4 <= len(newest) <= 12, "straight on, ten times a second"
+    assert all(times_s[-1] - times_s[0] <= COMMAND_MAX_S for times_s in newest.values())
 
 
 def lose(robot: Robot, what: str) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import serial
 
+from common.constants import SERIAL_BAUD
 from offboard.simulator.electronics.pty_port import PtyPort
 from offboard.simulator.electronics.serial_line import HostPort, SerialLine
 from offboard.simulator.error_profiles import PROFILES, ErrorProfile, random_stream
@@ -35,7 +36,7 @@ def line_with(profile: ErrorProfile = PROFILES["none"]) -> tuple[SerialLine, Tal
     return SerialLine(profile, random_stream(1, "serial"), STEP_S), TalkingBoard()
 
 
-def test_bytes_travel_in_both_directions_at_115200_baud() -> None:
+def test_bytes_travel_in_both_directions_at_the_baud_rate() -> None:
     line, board = line_with()
     port = HostPort(line)
     message = bytes(range(256)) * 9
@@ -45,7 +46,7 @@ def test_bytes_travel_in_both_directions_at_115200_baud() -> None:
     for step in range(1, 41):
         line.exchange(board, step * 0.005)
         received += port.read()
-        assert len(received) <= step * 57.6
+        assert len(received) <= step * SERIAL_BAUD / 10 * STEP_S
     assert received == message
     assert bytes(board.received) == message
     assert port.read() == b""

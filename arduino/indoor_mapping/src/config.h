@@ -128,7 +128,7 @@ static const bool kLeftEncoderReversed = false;      // counts down when the whe
 static const bool kRightEncoderReversed = false;
 
 // Drivers
-static const uint32_t kBaud = 115200;
+static const uint32_t kBaud = 250000;              // = SERIAL_BAUD
 static const uint8_t kPwmStep = 3;                   // timer counts per PWM unit: 16 MHz / (3 * 255 + 1) = 20.9 kHz
 static const uint8_t kImuPeriod_ms = 5;              // between two readings of the MPU-6050
 static const uint8_t kImuTimeout_ms = 3;             // a transfer takes 0.5 ms

@@ -1,4 +1,4 @@
-"""The wire between the board's UART and the bridge: 115200 baud, with the bit errors and stalls of a profile.
+"""The wire between the board's UART and the bridge: SERIAL_BAUD, with the bit errors and stalls of a profile.
 
 `SerialLine` is the wire; the world steps it. `HostPort` is its end at the bridge inside the same program;
 `pty_port.PtyPort` gives that end to another process.
@@ -9,10 +9,10 @@ from __future__ import annotations
 from math import inf, log
 from random import Random
 
+from common.constants import SERIAL_BAUD
 from offboard.simulator.electronics.board import Board
 from offboard.simulator.error_profiles import ErrorProfile
 
-BAUD = 115_200
 BITS_PER_BYTE = 10  # 8N1
 _BUFFER_BYTES = 4096  # what a USB serial driver keeps for a late reader; older bytes are lost
 
@@ -67,7 +67,7 @@ class _Wire:
     """One direction."""
 
     def __init__(self, bit_error_rate: float, rng: Random, step_s: float) -> None:
-        self._bytes_per_step = BAUD / BITS_PER_BYTE * step_s
+        self._bytes_per_step = SERIAL_BAUD / BITS_PER_BYTE * step_s
         self._waiting = bytearray()
         self._credit_bytes = 0.0
         self._rng = rng

@@ -185,22 +185,21 @@ void Robot::send(const Message& message) {
 }
 
 void Robot::report() {
-  // One after the other without a pause on the line, so that its other end wakes for all of them together, and in three
-  // ticks, which all have time left for the numbers of their lines
-  const bool sensors_due = ticks_ == 0, carrier_due = ticks_ == 1, states_due = ticks_ == 2;
+  // The period's reports follow one another within two ticks, so that the other end wakes once for all of them: first
+  // what nobody acts on at once, at the end what was measured. That a drive command has come, or was completed, can wait
+  const bool states_due = ticks_ == 0, sensors_due = ticks_ == 1;
+  if (states_due) report_sim();
+  report_stop(states_due);
+  const CarSta status = car_status();
+  const bool changed = status.state != told_.state || status.error != told_.error ||
+                       status.aborted_id != told_.aborted_id || status.enabled != told_.enabled ||
+                       status.stop_latched != told_.stop_latched;
+  if (changed || sensors_due) report_car(status);
   if (sensors_due) {
     ++sequence_;
     report_odometry();
     report_ranges();
   }
-  const CarSta status = car_status();
-  const bool changed = status.state != told_.state || status.error != told_.error ||
-                       status.command_id != told_.command_id || status.completed_id != told_.completed_id ||
-                       status.aborted_id != told_.aborted_id || status.enabled != told_.enabled ||
-                       status.stop_latched != told_.stop_latched;
-  if (changed || carrier_due) report_car(status);
-  if (states_due) report_sim();
-  report_stop(states_due);
   const bool due = !said_hello_ || now_ms_ - hello_ms_ >= config::kHello_ms;
   if (!armed_ && due) say_hello();
   ticks_ = static_cast<uint8_t>((ticks_ + 1) % config::kReportTicks);
