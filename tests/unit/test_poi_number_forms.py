@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cache
+
+import cv2
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,7 +13,12 @@ from hypothesis import strategies as st
 from common.config import PoiSection
 from common.number_presets import PRESETS
 from common.room_number import key_of, plain
+from offboard.simulator.building.floor import Plate
+from offboard.simulator.camera.sign_textures import draw_plate
+from onboard.poi.signs.grouping import signs
 from onboard.poi.signs.number_forms import NumberForms, RoomNumber, site_forms
+from onboard.poi.signs.ocr_engine import SignReader
+from onboard.poi.signs.sign_reading import Verdict, sign_rules
 from onboard.poi.signs.site_numbers import BACKING_MIN, PLATES_MIN, SiteNumbers, site_numbers
 
 PLAIN = site_forms(PoiSection())
@@ -17,6 +26,11 @@ PLAIN = site_forms(PoiSection())
 
 def at_site(*presets: str) -> NumberForms:
     return site_forms(PoiSection(number_presets=presets))
+
+
+@cache
+def sign_reader() -> SignReader:
+    return SignReader()
 
 
 def shown(forms: NumberForms, line: str) -> str:
@@ -99,6 +113,21 @@ def test_number_is_shown_as_on_its_plate(preset: str, line: str, number: str) ->
 def test_examples_of_every_preset_are_of_its_form(preset: str) -> None:
     forms = at_site(preset)
     assert [shown(forms, example) for example in PRESETS[preset].examples] == list(PRESETS[preset].examples)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_drawn_plates_of_every_form_are_read(preset: str) -> None:
+    pytest.importorskip("rapidocr")
+    reader, rules = sign_reader(), sign_rules(PoiSection(number_presets=(preset,)))
+    for number in PRESETS[preset].examples:
+        plate = draw_plate(Plate(0.0, 0.0, False, 1.5, 0.2, 0.15, 0.035, "light on dark"), number, "Office")
+        rows = np.ascontiguousarray(np.asarray(plate)[..., ::-1])
+        wall = cv2.copyMakeBorder(rows, 80, 80, 80, 80, cv2.BORDER_CONSTANT, value=(220, 226, 230))
+        photo = np.asarray(cv2.resize(wall, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
+        (reading,) = (rules.judge(lines) for lines in signs(reader.lines(photo)))
+        assert reading.verdict is Verdict.PLATE
+        assert reading.number is not None
+        assert (reading.number.shown, reading.number.form, reading.room_type) == (number, preset, "Office")
 
 
 def test_a_site_may_have_several_forms() -> None:
