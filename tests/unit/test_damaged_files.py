@@ -69,7 +69,11 @@ def test_damaged_run_folders_are_listed_and_exported_or_refused_in_a_sentence(
 
 def use(config: Config) -> None:
     """What the processes make of the values."""
-    assert sign_rules(config.poi).room_number("A" * 100) == ""
+    forms = sign_rules(config.poi).forms
+    assert forms.match("A" * 100) is None
+    for line in ("Room 1O1", "16-186", "S1|07 WC"):
+        number = forms.match(line)
+        assert number is None or (forms.own | forms.foreign)[number.form].fullmatch(number.shown)
     assert all(ColourBox.parse(text) for text in config.poi.door_colours)
     assert len(config.sonars.bearings_rad) == 5
     assert config.wheels.tick_m > 0
