@@ -28,6 +28,7 @@ from common.memory import keep_what_is_there
 from common.messages import CLOCK, CLOCK_ACK, ClockAck, ClockTick
 from common.node import Node
 from common.node_loop import Member, NodeLoop
+from common.priority import leave_priority_to_comm
 from common.process_log import BusLogHandler, set_up_log
 from common.zenoh_bus import ZenohBus
 from common.zenoh_end import ZenohEnd
@@ -187,6 +188,8 @@ class _Process:
 
     def _step_one(self, loop: NodeLoop, failures: list[Exception]) -> None:
         _name_thread(loop.name)
+        if len(self._loops) > 1 and loop.name != ROBOT_ROUTER:
+            leave_priority_to_comm()
         try:
             loop.run(self._stop)
         except Exception as error:

@@ -27,6 +27,7 @@ from typing import IO, Any, Generic, TypeVar
 
 from common.environment import PROCESS_ENVIRONMENT
 from common.memory import give_back
+from common.priority import come_last
 from common.side_work import LOOK_S, JobOutcome, WorkLost
 
 J = TypeVar("J")
@@ -35,7 +36,6 @@ R = TypeVar("R")
 RESTART_S = 1.0  # after a process has ended by itself
 CLOSE_S = 2.0  # for the job that runs; then its process is killed
 _LENGTH = struct.Struct("<Q")
-_NICENESS = 19
 
 _log = logging.getLogger(__name__)
 
@@ -165,7 +165,7 @@ def _loaded(load: str, arguments: list[str]) -> Callable[[Any], Any]:
 
 def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
-    os.nice(_NICENESS)
+    come_last()
     jobs, results = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no result
     work = _loaded(sys.argv[1], sys.argv[2:])

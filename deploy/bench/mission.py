@@ -10,6 +10,8 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from common.modules import PACKAGES, Board, on
@@ -26,7 +28,8 @@ _END_S = 40.0
 class Mission:
     """Of a checkout, in a folder of its own; returns once the robot may drive. Raises BenchFailed."""
 
-    def __init__(self, folder: Path, tree: Path = HERE) -> None:
+    def __init__(self, folder: Path, tree: Path = HERE, nice: int = 0) -> None:
+        """`nice`: what its processes begin with, where that is permitted."""
         self._run, self._log = folder / "run", folder / "local.log"
         folder.mkdir(exist_ok=True)
         arguments = ["local", "--headless", "--floor", FLOOR, "--camera", "off", "--out", str(self._run)]
@@ -36,6 +39,7 @@ class Mission:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 cwd=tree,
+                preexec_fn=partial(_set_niceness, nice) if nice else None,
                 env=os.environ | {"PYTHONPATH": str(tree)},
             )
         try:
@@ -103,6 +107,11 @@ def board_program(words: Sequence[str]) -> str:
     if package == "onboard":
         return words[place + 1] if len(words) > place + 1 else ""
     return next((name for name in on(Board.BEAGLEBONE) if PACKAGES.get(name) == package), "")
+
+
+def _set_niceness(nice: int) -> None:
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, nice)
 
 
 def _python(tree: Path) -> str:

@@ -1,35 +1,43 @@
 """A mission whose programs of the BeagleBone share one core at a fraction of its speed, laptop and simulator apart.
 
-Speed 1, so robot time is time. Once the mission has started, the programs are pinned to one core, which is slowed 15
-and 20 times. From then on are counted: permits that comm withdraws and how often the firmware switches its motor driver
-off for want of heartbeats, though nobody stopped the robot; and what a person's stop takes from the command until the
-motors of the simulated body are off. Whether the mission goes on is what the planner reports at the end.
+Speed 1, so robot time is time. Once the mission has started, the programs are pinned to one core, which is slowed 10,
+15 and 19 times; as root they have the priorities of their units. From then on are counted: permits that comm withdraws
+and how often the firmware switches its motor driver off for want of heartbeats, though nobody stopped the robot; and
+what a person's stop takes from the command until the motors of the simulated body are off. How much of the slow core
+the programs use tells whether they fit at all. Whether the mission goes on is what the planner reports at the end.
 """
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
 from common.clock import FreeClock
-from common.config import load_config
+from common.config import Config, load_config
 from common.messages import PERMIT, PLAN, Operation, Permit
+from common.modules import ON_ROBOT
 from common.zenoh_bus import ZenohBus
+from common.zenoh_session import ROBOT_ROUTER
 from deploy.bench.core_quota import ThrottledCore, cores, pin, throttled_core
 from deploy.bench.machine import percentiles
 from deploy.bench.mission import FLOOR, Mission
 from deploy.bench.order import Order
+from deploy.bench.process_cost import threads
 from deploy.bench.waiting import BenchFailed
+from deploy.boards.units import niceness
 from offboard.command_center.operator_client import operate, press_stop, request_release
 from offboard.command_center.software_stop import Demand
 from offboard.simulator.run.process import MOTORS_NAME
 
-FACTORS = (15.0, 20.0)
+# Not 20: the kernel keeps a twentieth of each second for processes of the usual priority, and gives it in one piece
+FACTORS, FACTORS_QUICK = (10.0, 15.0, 19.0), (15.0,)
 WATCH_S, WATCH_QUICK_S = 900.0, 60.0  # at most; it ends with the mission
 SETTLE_S = 10.0  # after the core became slow: what was due meanwhile is done
 STOP_EVERY_S = 20.0
@@ -78,6 +86,13 @@ def _is_off(row: MotorRow) -> bool:
     return row[1:] == (0, 0, False)
 
 
+def prioritise(pids: Iterable[int], nice: int) -> None:
+    """All threads of these processes, where that is permitted."""
+    for thread in threads(pids):
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, thread, nice)
+
+
 def read_motors(file: Path) -> list[MotorRow]:
     """What the simulator wrote of the motors so far."""
     rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()[1:]]
@@ -95,6 +110,8 @@ class Watch:
         self.stops_s: list[float] = []
         self.unconfirmed = 0
         self._pin_due_s = self._free_since_s = 0.0
+        self._counted_s = 0.0
+        self._cpu_s: dict[int, float] = {}  # of each thread, when `settle` ended
 
     def close(self) -> None:
         self._bus.close()
@@ -117,14 +134,23 @@ class Watch:
             self.look()
             time.sleep(_POLL_S)
         self.withdrawn = Withdrawn()
+        self._counted_s, self._cpu_s = time.monotonic(), self._threads_cpu_s()
+
+    def used(self) -> float:
+        """Which part of the core at its full speed the programs have used since `settle`."""
+        used_s = sum(cpu_s - self._cpu_s.get(thread, 0.0) for thread, cpu_s in self._threads_cpu_s().items())
+        return used_s / (time.monotonic() - self._counted_s)
 
     def look(self) -> None:
         """Takes what came, and keeps every process where it belongs: one that was restarted as well."""
         now_s = time.monotonic()
         if now_s >= self._pin_due_s:
             self._pin_due_s = now_s + _PIN_EVERY_S
-            of_board = {pid for pids in self._mission.programs().values() for pid in pids}
+            programs = self._mission.programs()
+            of_board = {pid for pids in programs.values() for pid in pids}
             self._core.add(of_board)
+            for name in programs.keys() & ON_ROBOT:  # what shares a process lowers the priority of its threads itself
+                prioritise(programs[name], niceness(name))
             pin(set(self._mission.all_processes()) - of_board, self._others)
         for permit in self._bus.take(PERMIT):
             self.withdrawn.permit(permit)
@@ -134,6 +160,10 @@ class Watch:
         if view is None:
             return "the planner is silent"
         return f"{view.detail}, {view.area_m2:.0f} m2 mapped, outcome {view.outcome.value}"
+
+    def _threads_cpu_s(self) -> dict[int, float]:
+        pids = [pid for pids in self._mission.programs().values() for pid in pids]
+        return {thread: cost.cpu_s for thread, cost in threads(pids).items()}
 
     def _goes_on(self) -> bool:
         view = self._bus.latest(PLAN)
@@ -171,13 +201,13 @@ class Watch:
 
 def bench(order: Order) -> None:
     core, others = cores()
-    for factor in FACTORS[:1] if order.quick else FACTORS:
+    for factor in FACTORS_QUICK if order.quick else FACTORS:
         with tempfile.TemporaryDirectory(prefix="indoor-mapping-") as folder:
             _one(Path(folder), factor, core, others, WATCH_QUICK_S if order.quick else WATCH_S)
 
 
 def _one(folder: Path, factor: float, core: int, others: set[int], watch_s: float) -> None:
-    mission = Mission(folder)
+    mission = Mission(folder, nice=niceness(Config().process_of(ROBOT_ROUTER)))
     slowed = throttled_core(core, factor)
     watch: Watch | None = None
     try:
@@ -187,7 +217,7 @@ def _one(folder: Path, factor: float, core: int, others: set[int], watch_s: floa
         watch.settle()
         watch.run(watch_s)
         seconds = time.monotonic() - began_s
-        _report(f"{factor:.0f} times slower ({slowed.what}), {FLOOR}, {seconds:.0f} s", watch)
+        _report(f"{factor:.0f} times slower ({slowed.what}), {FLOOR}, {seconds:.0f} s", watch, factor)
     except BenchFailed as failure:
         print(f"{factor:.0f} times slower: {failure}", flush=True)
     finally:
@@ -197,13 +227,14 @@ def _one(folder: Path, factor: float, core: int, others: set[int], watch_s: floa
         mission.end()
 
 
-def _report(head: str, watch: Watch) -> None:
+def _report(head: str, watch: Watch, factor: float) -> None:
     withdrawn = watch.withdrawn.reasons
     reasons = "".join(f"\n        {count} x {reason}" for reason, count in withdrawn.most_common(5))
     stops = "none came" if not watch.stops_s else f"{percentiles(watch.stops_s)} of {len(watch.stops_s)}"
     late = sum(took_s > STOP_TO_WHEELS_OFF_S for took_s in watch.stops_s)
     print(
-        f"{head}:\n    permits withdrawn: {withdrawn.total()}{reasons}\n"
+        f"{head}:\n    used of the slow core: {100 * factor * watch.used():.0f} %\n"
+        f"    permits withdrawn: {withdrawn.total()}{reasons}\n"
         f"    motors switched off for want of heartbeats: {watch.disarmed()}\n"
         f"    stop to wheels off: {stops}, {late} of them later than {STOP_TO_WHEELS_OFF_S} s; "
         f"{watch.unconfirmed} commands unconfirmed\n    the mission: {watch.progress()}",

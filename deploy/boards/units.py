@@ -49,8 +49,8 @@ class _Needs:
 # The kinds of ports that an Arduino or a UART appears as, and what a camera's driver opens
 _SERIAL = ("char-ttyACM", "char-ttyUSB", "char-ttyS", "char-ttyAMA")
 _CAMERA = ("char-video4linux", "char-media", "char-dma_heap")
-# Bridge and comm come first: without their heartbeats and permits the robot stands. Work beside the loops lowers its
-# own priority. 512 MB are on the BeagleBone
+# Bridge and comm come first: without their heartbeats and permits the robot stands. What shares comm's process, and
+# work beside the loops, lower their own priority (common/priority.py). 512 MB are on the BeagleBone
 _NEEDS = {
     "bridge": _Needs(64, rank=0, cpu_weight=1000, nice=-10, groups=("dialout",), devices=_SERIAL),
     "comm": _Needs(64, rank=1, cpu_weight=500, nice=-5),
@@ -97,6 +97,11 @@ def unit_texts(config: Config, board: str) -> dict[str, str]:
     ordered = sorted(needs, key=lambda process: needs[process].rank)
     services = {unit_name(process): _service(process, needs[process], _before(process, needs)) for process in ordered}
     return services | {TARGET: _target(services)} if services else {}
+
+
+def niceness(process: str) -> int:
+    """With which a process of the robot runs on its board; 0 is usual, what is below comes first."""
+    return _needs(process).nice
 
 
 def _needs(process: str) -> _Needs:

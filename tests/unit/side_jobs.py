@@ -28,8 +28,8 @@ def counting(first: str = "0") -> Callable[[str], tuple[str, int]]:
     return work
 
 
-def niceness() -> Callable[[None], int]:
-    return lambda _: os.getpriority(os.PRIO_PROCESS, 0)
+def priority() -> Callable[[None], tuple[int, int]]:
+    return lambda _: (os.getpriority(os.PRIO_PROCESS, 0), os.sched_getscheduler(0))
 
 
 def echo() -> Callable[[bytes], bytes]:

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from common.messages import Permit
-from deploy.bench.core_quota import DutyCycle, GroupQuota, ThrottledCore, cores
+from deploy.bench.core_quota import ByTurns, DutyCycle, ThrottledCore, cores
 from deploy.bench.one_core import MotorRow, Withdrawn, switched_off, wheels_off_s
 from deploy.bench.process_cost import threads
-from deploy.bench.waiting import BenchFailed
+from deploy.bench.waiting import BenchFailed, until
 
 FACTOR = 15.0
 MEASURED_S = 3.0
@@ -36,7 +36,7 @@ def cpu_s(pid: int) -> float:
     return sum(thread.cpu_s for thread in threads([pid]).values())
 
 
-@pytest.mark.parametrize("make", [GroupQuota, DutyCycle])
+@pytest.mark.parametrize("make", [ByTurns, DutyCycle])
 def test_a_busy_loop_gets_its_share_of_the_core_and_afterwards_all_of_it(
     make: Callable[[int, float], ThrottledCore], busy: int
 ) -> None:
@@ -53,20 +53,19 @@ def test_a_busy_loop_gets_its_share_of_the_core_and_afterwards_all_of_it(
         share = (cpu_s(busy) - before_s) / (time.monotonic() - began_s)
     finally:
         slowed.close()
-    # Wide: on a busy machine it gets less, and who lets it run wakes too late to stop it in time
-    assert 0.2 / FACTOR < share < 4.0 / FACTOR
+    # Wide: on a busy machine it shares its part with others, and who lets it run wakes too late to stop it in time
+    assert 0.0 < share < 4.0 / FACTOR
     before_s = cpu_s(busy)
-    time.sleep(0.5)
-    assert cpu_s(busy) - before_s > 1.5 * 0.5 / FACTOR
+    until(lambda: cpu_s(busy) - before_s > 1.0, FACTOR / 2, "a second of a core that is slow no more")
 
 
 def test_naming_a_process_again_or_one_that_is_gone_changes_nothing(busy: int) -> None:
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     try:
-        slowed = GroupQuota(cores()[0], FACTOR)
+        slowed = ByTurns(cores()[0], FACTOR)
     except (BenchFailed, OSError) as error:
-        pytest.skip(f"no control group here: {error}")
+        pytest.skip(f"no real-time priority here: {error}")
     try:
         for _ in range(2):
             slowed.add([busy, ended.pid])

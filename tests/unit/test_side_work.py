@@ -138,10 +138,10 @@ def test_what_the_work_prints_is_no_result() -> None:
 
 def test_a_process_has_the_lowest_priority_and_its_parent_keeps_its_own() -> None:
     before = os.getpriority(os.PRIO_PROCESS, 0)
-    worker: ProcessWorker[None, int] = ProcessWorker("niceness", f"{JOBS}niceness")
+    worker: ProcessWorker[None, tuple[int, int]] = ProcessWorker("priority", f"{JOBS}priority")
     try:
         worker.begin(None, 0.0)
-        assert result_of(worker).value == 19
+        assert result_of(worker).value == (19, os.SCHED_IDLE)
         assert os.getpriority(os.PRIO_PROCESS, 0) == before
     finally:
         worker.close()
