@@ -19,6 +19,7 @@ BENCHES = {
     "board": ("what the programs of the BeagleBone cost, and the share of its processor", "deploy.bench.board_budget"),
     "slow-core": ("a mission whose programs of the BeagleBone share one slowed core", "deploy.bench.one_core"),
     "mapping": ("what the mapping unit costs: processor, memory, instructions of a step", "deploy.bench.mapping_cost"),
+    "signs": ("how well rendered signs are read, and what a full frame costs", "deploy.bench.sign_reading"),
     "firmware": ("what the firmware costs on the Mega, in simavr", "deploy.bench.firmware_cost"),
 }
 
@@ -29,7 +30,7 @@ def add_verbs(verbs: Any) -> None:
     bench.add_argument("name", nargs="*", metavar="NAME", help=f"{', '.join(BENCHES)} (all)")
     bench.add_argument("--quick", action="store_true", help="fewer repetitions")
     bench.add_argument(
-        "--against", type=Path, metavar="FOLDER", help="board: measure another checkout of the project too, by turns"
+        "--against", type=Path, metavar="FOLDER", help="board, signs: measure another checkout of it too, by turns"
     )
     bench.add_argument("--pairs", type=int, help=f"turns with --against ({PAIRS}, with --quick {PAIRS_QUICK})")
     bench.set_defaults(run=_bench)

@@ -15,7 +15,7 @@ from offboard.simulator.camera.sign_textures import draw_plate
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame
 from onboard.poi.placement.wall_line import WallLine
-from onboard.poi.signs.grouping import merged_lines, signs
+from onboard.poi.signs.grouping import rows_of, signs
 from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.reading_job import Job, read
 from onboard.poi.signs.sign_detection import Box
@@ -97,15 +97,14 @@ def test_number_of_impossible_size_is_none() -> None:
     assert verdict("304", height_px=150.0) is Verdict.OTHER
 
 
-def test_boxes_on_one_line_are_merged_and_signs_are_parted() -> None:
+def test_boxes_on_one_row_belong_together_and_signs_are_parted() -> None:
     boxes = [
         TextLine("905", 0.9, 160.0, 102.0, 50.0, 30.0),
         TextLine("Call", 0.99, 100.0, 100.0, 50.0, 30.0),
         TextLine("304", 0.95, 600.0, 100.0, 60.0, 30.0),
     ]
-    merged = merged_lines(boxes)
-    assert sorted(line.text for line in merged) == ["304", "Call 905"]
-    assert len(signs(merged)) == 2
+    texts = [[[line.text for line in row] for row in rows_of(sign)] for sign in signs(boxes)]
+    assert sorted(texts) == [[["304"]], [["Call", "905"]]]
 
 
 @pytest.mark.parametrize("style", ["dark on light", "light on dark", "dark on metal"])

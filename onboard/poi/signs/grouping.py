@@ -1,51 +1,56 @@
-"""Which boxes of text are one line, and which lines are one sign. Pure."""
+"""Which boxes of text stand on one row, and which rows are one sign; in the text's own direction. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from onboard.poi.signs.text_line import TextLine
+from onboard.poi.signs.text_line import TextLine, common_angle_rad
 
-SAME_LINE = 0.5  # overlap along y, share of the smaller height
-WORD_GAP = 1.0  # between boxes of one line, in heights
-NEIGHBOUR_GAP = 1.6  # between lines of one sign, in heights of the higher one
+SAME_ROW = 0.5  # overlap across the text, share of the lower letters
+ROW_GAP = 4.0  # between parts of one row, in heights of their letters
+NEIGHBOUR_GAP = 1.9  # between lines of one sign, in heights of the higher letters
+ASKEW_RAD = 0.35  # lines of one sign run in one direction
 
-
-def merged_lines(boxes: Sequence[TextLine]) -> list[TextLine]:
-    """Boxes that stand side by side become one line, its words parted by spaces; from top to bottom."""
-    lines: list[TextLine] = []
-    for box in sorted(boxes, key=lambda b: b.x_px):
-        for i, line in enumerate(lines):
-            lower = min(line.height_px, box.height_px)
-            overlap = min(line.bottom_px, box.bottom_px) - max(line.y_px, box.y_px)
-            if overlap > SAME_LINE * lower and box.x_px - line.right_px < WORD_GAP * lower:
-                top, bottom = min(line.y_px, box.y_px), max(line.bottom_px, box.bottom_px)
-                lines[i] = TextLine(
-                    f"{line.text} {box.text}",
-                    min(line.confidence, box.confidence),
-                    line.x_px,
-                    top,
-                    max(line.right_px, box.right_px) - line.x_px,
-                    bottom - top,
-                )
-                break
-        else:
-            lines.append(box)
-    return sorted(lines, key=lambda line: line.y_px)
+Row = list[TextLine]  # from left to right
 
 
 def signs(lines: Sequence[TextLine]) -> list[list[TextLine]]:
-    """Lines that stand together, above or below one another, sign by sign."""
+    """Lines that stand together, above, below or beside one another, sign by sign; each from top to bottom."""
     groups: list[list[TextLine]] = []
     for line in lines:
         near = [g for g in groups if any(_neighbours(line, other) for other in g)]
         merged = [line, *(other for g in near for other in g)]
         groups = [g for g in groups if g not in near] + [merged]
-    return [sorted(group, key=lambda line: line.y_px) for group in groups]
+    return [sorted(group, key=lambda line: line.middle[1]) for group in groups]
+
+
+def rows_of(lines: Sequence[TextLine]) -> list[Row]:
+    """The rows of a sign from top to bottom, turned level."""
+    angle_rad = common_angle_rad(lines)
+    rows: list[Row] = []
+    for line in sorted((line.turned(angle_rad) for line in lines), key=lambda line: line.x_px):
+        row = next((row for row in rows if _same_row(row[-1], line)), None)
+        if row is None:
+            rows.append([line])
+        else:
+            row.append(line)
+    return sorted(rows, key=lambda row: row[0].middle[1])
+
+
+def _same_row(a: TextLine, b: TextLine) -> bool:
+    lower, higher = sorted((a.letter_px, b.letter_px))
+    overlap = (a.letter_px + b.letter_px) / 2 - abs(a.middle[1] - b.middle[1])
+    return overlap > SAME_ROW * lower and b.x_px - a.right_px < ROW_GAP * higher
 
 
 def _neighbours(a: TextLine, b: TextLine) -> bool:
-    gap_y = max(a.y_px, b.y_px) - min(a.bottom_px, b.bottom_px)
+    # Steep text beside level text is another sign
+    if abs(a.angle_rad - b.angle_rad) > ASKEW_RAD:
+        return False
+    angle_rad = common_angle_rad((a, b))
+    a, b = a.turned(angle_rad), b.turned(angle_rad)
+    reach = NEIGHBOUR_GAP * max(a.letter_px, b.letter_px)
+    gap_y = abs(a.middle[1] - b.middle[1]) - (a.letter_px + b.letter_px) / 2
     gap_x = max(a.x_px, b.x_px) - min(a.right_px, b.right_px)
-    reach = NEIGHBOUR_GAP * max(a.height_px, b.height_px)
+    # Rows of one sign may stand further apart than words of two
     return gap_y < reach and gap_x < reach

@@ -7,7 +7,6 @@ and distance of the wall, the sign gets a place too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import radians
 from pathlib import Path
 
@@ -16,13 +15,13 @@ import cv2
 from common.config import PoiSection
 from common.geometry import Pose2
 from onboard.poi.camera.camera_model import CameraModel
-from onboard.poi.camera.frame import FULL_SIZE_PX, Image
+from onboard.poi.camera.frame import Image
 from onboard.poi.camera.frame_source import pose_sidecar, read_photo
 from onboard.poi.placement.wall_line import WallLine
-from onboard.poi.signs.grouping import signs
 from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.photo_findings import PhotoFinding, explained
+from onboard.poi.signs.photo_search import sign_readings
 from onboard.poi.signs.sign_reading import SignReading, Verdict, sign_rules
 from onboard.poi.signs.site_numbers import SiteNumbers, site_numbers
 
@@ -45,7 +44,7 @@ class PhotoReader:
     def findings(self, file: Path) -> list[PhotoFinding]:
         """All signs in a photo; raises StartError or OSError when photo or sidecar cannot be read."""
         photo = read_photo(file)
-        readings = self._readings(photo)
+        readings = sign_readings(self._reader, self._rules, photo, PHOTO_DETECTION_SIDE_PX)
         self._numbers += [
             reading.number
             for reading in readings
@@ -53,14 +52,6 @@ class PhotoReader:
         ]
         self.site = self.site.after(self._numbers)
         return [PhotoFinding(str(file), reading, _place(file, photo, reading, self._section)) for reading in readings]
-
-    def _readings(self, photo: Image) -> list[SignReading]:
-        """All signs, places in pixels of the photo."""
-        scale = min(1.0, FULL_SIZE_PX[0] / max(photo.shape[:2]))
-        image = cv2.resize(photo, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else photo
-        readings = [self._rules.judge(lines) for lines in signs(self._reader.lines(image))]
-        boxes = [(x / scale, y / scale, w / scale, h / scale) for x, y, w, h in (r.box for r in readings)]
-        return [replace(reading, box=box) for reading, box in zip(readings, boxes, strict=True)]
 
 
 def _place(file: Path, photo: Image, reading: SignReading, section: PoiSection) -> dict[str, float]:

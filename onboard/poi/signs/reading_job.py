@@ -17,10 +17,9 @@ from onboard.poi.placement.wall_line import WallLine
 from onboard.poi.signs.grouping import signs
 from onboard.poi.signs.sign_detection import Box
 from onboard.poi.signs.sign_reading import SignReading, SignRules
-from onboard.poi.signs.text_line import TextLine
+from onboard.poi.signs.text_line import TextLine, around
 
 HALF_WIDTH_M, LOW_M, HIGH_M = 0.45, 1.12, 1.88  # what is read around a candidate
-PX_PER_M = 840.0  # a plate of 30 mm capitals is legible; more pixels cost time and add nothing
 NICENESS = 10  # of the thread
 LATENCY_S = 0.5  # simulated
 _BORDER = 0.4  # a line nearer to the border than this share of its height is cut off
@@ -61,34 +60,36 @@ class Reading:
 
 
 def read(job: Job, reader: Reader, rules: SignRules, camera: CameraModel) -> Reading:
-    """Reads the signs around the candidate, without those that the border of that part cuts off."""
-    depth_m = job.wall.distance_m
+    """Reads the signs around the candidate, without those that the border of that part cuts off.
+
+    The part is read in the frame's own size, whatever that is; `camera` gives the lens.
+    """
+    image, depth_m = job.frame.image, job.wall.distance_m
+    camera = camera.resized(image.shape[1], image.shape[0])
     m_per_px = camera.metres_per_px(depth_m)
     top, bottom = (min(max(round(camera.row_px(z, depth_m)), 0), camera.height_px) for z in (HIGH_M, LOW_M))
     centre_px = job.candidate.centre_px[0]
     half_px = max(HALF_WIDTH_M / m_per_px, job.candidate.width_px)
     left, right = max(round(centre_px - half_px), 0), min(round(centre_px + half_px), camera.width_px)
-    part = job.frame.image[top:bottom, left:right]
-    scale = min(1.0, PX_PER_M * m_per_px)
-    if scale < 1.0:
-        part = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    part = image[top:bottom, left:right]
     findings = []
     for lines in signs(reader.lines(part)):
         if any(_cut_off(line, part.shape[1]) for line in lines):
             continue
-        reading = rules.judge(lines, m_per_px / scale, part.shape[0])
+        reading = rules.judge(lines, m_per_px, part.shape[0])
         x, y, width, height = reading.box
-        around = cv2.cvtColor(
+        beside = cv2.cvtColor(
             part[max(int(y - height / 2), 0) : int(y + 1.5 * height) + 1, max(int(x - 8), 0) : int(x + width + 8) + 1],
             cv2.COLOR_BGR2GRAY,
         )
-        findings.append(Finding(reading, left + (x + width / 2) / scale, sharpness(around)))
+        findings.append(Finding(reading, left + x + width / 2, sharpness(beside)))
     return Reading(job, tuple(findings))
 
 
 def _cut_off(line: TextLine, width_px: int) -> bool:
-    border = _BORDER * line.height_px
-    return line.x_px < border or line.right_px > width_px - border
+    border = _BORDER * line.letter_px
+    x, _, width, _ = around([line])
+    return x < border or x + width > width_px - border
 
 
 Read = Callable[[Job], Reading]

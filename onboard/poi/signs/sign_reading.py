@@ -1,7 +1,7 @@
 """Plate or poster: the lines of text of one sign in; its room number and room type out.
 
-A number plate holds one number in the site's format, perhaps a room type, and nothing else of that size. Posters,
-directions to ranges of rooms, years and telephone numbers hold more.
+`layout.py` finds where the number stands and whether the sign is arranged as plates are; here its size, its damage and
+the site's forms decide whether it counts.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from enum import Enum
 
 from common.config import PoiSection
 from onboard.poi.signs.false_numbers import labels_another
+from onboard.poi.signs.layout import NO_NUMBER, arranged
 from onboard.poi.signs.number_forms import NumberForms, RoomNumber, site_forms
-from onboard.poi.signs.text_line import TextLine
+from onboard.poi.signs.sign_words import is_notice, is_service
+from onboard.poi.signs.text_line import TextLine, around
 
-CONFIDENT = 0.90  # confidence from which a number counts
-LEGIBLE = 0.5  # confidence from which other text counts
+CONFIDENT = 0.80  # confidence of the least certain letter or digit, from which a number counts
 NUMBER_HEIGHT_M = (0.018, 0.13)  # of the letters as measured, up to twice their own
 OPEN_GAP = 1.0  # to the border of the picture, in heights: enough to see that there is no neighbour
-SECONDARY = 0.8  # other lines of a plate are lower than this share of its number
 TYPE_LIKENESS = 0.75  # ratio of difflib between a line and a room type
 
 
@@ -30,6 +30,7 @@ class Verdict(Enum):
     PLATE = "plate"
     DOUBTFUL = "doubtful"  # a plate whose number counts only where other plates back it, see `site_numbers.py`
     UNCLEAR = "unclear"  # a plate by its looks, but not legible; worth another photo
+    NAMED = "named"  # a plate that names a room and has no number
     OTHER = "other"  # a poster, a direction, a notice
 
 
@@ -60,43 +61,60 @@ class SignRules:
 
         `image_height_px` of a picture whose upper and lower border may hide more of the sign; None where it is whole.
         """
-        found = [(line, number) for line in lines if (number := self.forms.match(line.text)) is not None]
-        numbers = self._candidates(found)
-        types = [(line, kind) for line in lines if (kind := self.room_type(line.text))]
-        named = [line for line, _ in numbers] + [line for line, _ in types]
-        others = [line for line in lines if line not in named and line.confidence > LEGIBLE]
-        x0, y0 = min(line.x_px for line in lines), min(line.y_px for line in lines)
-        x1, y1 = max(line.right_px for line in lines), max(line.bottom_px for line in lines)
+        arrangement = arranged(lines, self._that_counts, self._is_type)
+        if arrangement.numbered is None and arrangement.reason == NO_NUMBER:
+            arrangement = arranged(lines, self._that_may_count, self._is_type, alone=True)
+        numbered = arrangement.numbered
         reading = SignReading(
-            Verdict.OTHER, None, "", 0.0, (x0, y0, x1 - x0, y1 - y0), tuple(line.text for line in lines)
+            Verdict.OTHER, None, "", 0.0, around(lines), tuple(line.text for line in lines), arrangement.reason
         )
-        if len(numbers) != 1:
-            vague = not found and len(lines) <= 2 and not _is_prose(lines) and bool(types or _digits(lines))
-            reason = (
-                f"{len(numbers)} numbers" if numbers else f"may be {found[0][1].suspicion}" if found else "no number"
-            )
-            return replace(reading, verdict=Verdict.UNCLEAR if vague else Verdict.OTHER, reason=reason)
-        line, number = numbers[0]
-        if m_per_px is not None and not NUMBER_HEIGHT_M[0] <= line.letter_px * m_per_px <= NUMBER_HEIGHT_M[1]:
+        if numbered is None:
+            return replace(reading, verdict=self._without_number(lines), room_type=self._room_type_of(lines))
+        if arrangement.reason:
+            return reading
+        if m_per_px is not None and not NUMBER_HEIGHT_M[0] <= numbered.letter_px * m_per_px <= NUMBER_HEIGHT_M[1]:
             return replace(reading, reason="letters not of a plate's size")
-        if any(other.height_px > SECONDARY * line.height_px for other in others):
-            return replace(reading, reason="other text as large as the number")
-        if any(labels_another(other.text) for other in others):
+        if any(labels_another(line.text) for line in arrangement.others):
             return replace(reading, reason="a label names another kind of number")
-        room_type = types[0][1] if types else self.room_type(number.words)
-        reading = replace(reading, number=number, room_type=room_type, confidence=line.confidence)
+        number = numbered.number
+        beside = [numbered.before, numbered.behind, number.words]
+        room_type = self._room_type_of(arrangement.others) or next(filter(None, map(self.room_type, beside)), "")
+        reading = replace(reading, number=number, room_type=room_type, confidence=numbered.confidence)
         # A neighbouring line may hide behind the picture's border
-        reach_px = OPEN_GAP * line.letter_px
-        if image_height_px is not None and (y0 < reach_px or y1 > image_height_px - reach_px):
+        reach_px = OPEN_GAP * numbered.letter_px
+        _, y, _, height = reading.box
+        if image_height_px is not None and (y < reach_px or y + height > image_height_px - reach_px):
             return replace(reading, verdict=Verdict.UNCLEAR, reason="cut off by the border")
-        if line.confidence < CONFIDENT:
-            return replace(reading, verdict=Verdict.UNCLEAR, reason="not legible")
+        if numbered.damage or numbered.confidence < CONFIDENT:
+            return replace(reading, verdict=Verdict.UNCLEAR, reason=numbered.damage or "not legible")
         return replace(reading, verdict=Verdict.PLATE if self.forms.counts(number) else Verdict.DOUBTFUL)
 
-    def _candidates(self, found: list[tuple[TextLine, RoomNumber]]) -> list[tuple[TextLine, RoomNumber]]:
-        """Those that count by themselves; where there are none, those that other plates may back."""
-        by_itself = [pair for pair in found if self.forms.counts(pair[1])]
-        return by_itself or [pair for pair in found if self.forms.may_count(pair[1])]
+    def _that_counts(self, text: str) -> RoomNumber | None:
+        number = self.forms.match(text)
+        return number if number is not None and self.forms.counts(number) else None
+
+    def _that_may_count(self, text: str) -> RoomNumber | None:
+        """Numbers that other plates may back."""
+        number = self.forms.match(text)
+        return number if number is not None and self.forms.may_count(number) else None
+
+    def _without_number(self, lines: Sequence[TextLine]) -> Verdict:
+        named = [line for line in lines if self._is_type(line.text) or is_service(line.text)]
+        if named and len(lines) <= 2 and all(line in named or not _has_digit(line) for line in lines):
+            return Verdict.NAMED
+        if any(is_notice(line.text) for line in lines):
+            return Verdict.OTHER
+        vague = len(lines) <= 2 and not _is_prose(lines) and any(_has_digit(line) for line in lines)
+        return Verdict.UNCLEAR if vague else Verdict.OTHER
+
+    def _is_type(self, text: str) -> bool:
+        return bool(self.room_type(text))
+
+    def _room_type_of(self, lines: Sequence[TextLine]) -> str:
+        """The site's room type on one of the lines, or the word for a room that needs no number, as it stands there."""
+        kinds = (self.room_type(line.text) for line in lines)
+        services = (line.text for line in lines if is_service(line.text))
+        return next(filter(None, kinds), "") or next(services, "")
 
     def room_type(self, text: str) -> str:
         """The nearest of the site's room types, empty when none is near."""
@@ -119,5 +137,5 @@ def _is_prose(lines: Sequence[TextLine]) -> bool:
     return any(sum(c.isalpha() for c in line.text) > 3 and line.confidence > 0.9 for line in lines)
 
 
-def _digits(lines: Sequence[TextLine]) -> bool:
-    return any(c.isdigit() for line in lines for c in line.text)
+def _has_digit(line: TextLine) -> bool:
+    return any(c.isdigit() for c in line.text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
@@ -15,11 +16,12 @@ Corners = npt.NDArray[np.float32]  # (4, 2): x, y of upper left, upper right, lo
 
 @dataclass(frozen=True, slots=True)
 class TextLine:
-    """One line of text, and how sure the reading is (0 to 1, of the least certain letter).
+    """One line of text, and how sure the reading is (0 to 1, of the least certain letter or digit).
 
     `x_px`, `y_px`, `width_px`, `height_px`: its box before it is turned round its middle by `angle_rad` (clockwise in
     the picture). `strokes_px`: height of its digits and capitals by their strokes, 0 where they were not measured.
     `damage`: why more or other letters may stand there than were read; empty where nothing speaks for it.
+    `certain`: the confidence of each character but spaces; empty where only the line's is known.
     """
 
     text: str
@@ -31,6 +33,7 @@ class TextLine:
     angle_rad: float = 0.0
     strokes_px: float = 0.0
     damage: str = ""
+    certain: tuple[float, ...] = ()
 
     @property
     def right_px(self) -> float:
@@ -41,15 +44,27 @@ class TextLine:
         return self.y_px + self.height_px
 
     @property
+    def middle(self) -> tuple[float, float]:
+        return self.x_px + self.width_px / 2, self.y_px + self.height_px / 2
+
+    @property
     def letter_px(self) -> float:
         """Height of its letters; without strokes by the box, which may reach to the rim: letters are not so narrow."""
         if self.strokes_px > 0.0:
             return self.strokes_px
         return min(self.height_px, LETTER_HEIGHT * self.width_px / max(len(self.text), 1))
 
+    def confidence_of(self, part: str) -> float:
+        """Of a part of the text as read, of the whole line where it does not hold that part."""
+        line, part = (re.sub(r"\s", "", text).upper() for text in (self.text, part))
+        begin = line.rfind(part)
+        if begin < 0 or len(line) != len(self.certain):
+            return self.confidence
+        return least_certain(part, self.certain[begin : begin + len(part)])
+
     @property
     def corners(self) -> Corners:
-        x, y = self.x_px + self.width_px / 2, self.y_px + self.height_px / 2
+        x, y = self.middle
         c, s = cos(self.angle_rad), sin(self.angle_rad)
         half = ((-1, -1), (1, -1), (1, 1), (-1, 1))
         offsets = [(0.5 * i * self.width_px, 0.5 * j * self.height_px) for i, j in half]
@@ -57,13 +72,19 @@ class TextLine:
 
     def turned(self, angle_rad: float) -> TextLine:
         """As in a picture that is turned round its origin by -angle_rad: lines of that angle lie level there."""
-        x, y = self.x_px + self.width_px / 2, self.y_px + self.height_px / 2
+        x, y = self.middle
         c, s = cos(angle_rad), sin(angle_rad)
         u, v = x * c + y * s, -x * s + y * c
         return TextLine(
             self.text, self.confidence, u - self.width_px / 2, v - self.height_px / 2, self.width_px, self.height_px,
-            self.angle_rad - angle_rad, self.strokes_px, self.damage,
+            self.angle_rad - angle_rad, self.strokes_px, self.damage, self.certain,
         )  # fmt: skip
+
+
+def least_certain(text: str, certain: Sequence[float]) -> float:
+    """The lowest confidence of its letters and digits; dots and dashes are always less certain, and seldom wrong."""
+    pairs = list(zip(text, certain, strict=True))
+    return min((c for letter, c in pairs if letter.isalnum()), default=min(certain, default=0.0))
 
 
 def box_of(corners: Corners) -> tuple[float, float, float, float, float]:

@@ -1,0 +1,203 @@
+"""Whether a line of text shows all that was read and nothing else: what the engine read, against the line's strokes.
+
+An engine is certain of half a letter: 824 whose first digit is half hidden reads 324 at 1.000. So a reading counts only
+where the line is free on all sides, its digits are of one height and on one line, none of them is much narrower or
+fainter than the others, and none is missing between them. Lengths are shares of the height of a capital.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from onboard.poi.signs.letters import ROWS, Letter, Strokes
+
+BESIDE_FREE, ABOVE_FREE = 0.3, 0.2  # room beside the outer letters; above and below all of them
+NEAR = 0.08  # as far as blur reaches
+INWARD = 0.3  # as far an edge that runs askew may be seen within the letters
+EDGE = 0.15  # as far as an edge is blurred; light changes more slowly
+SHARPER = 3.0  # than the usual change of the background around it
+STEP = 0.3  # of the background within that room, share of the letters' contrast: the border of something
+DIFFERS = 0.35  # from the background, share of the letters' contrast: something stands there
+COLUMN_BUSY = 0.12  # share of a column that differs
+CROSSED = 0.1  # columns in which something runs through the line
+GAP_MAX, GAP_TIMES = 0.5, 2.0  # between letters of one word: absolute, and in usual gaps
+HEIGHT_OFF, FOOT_OFF = 0.14, 0.14  # of a digit from the others
+LOW = 0.45  # height of the lowest letter that is no dot or dash
+NARROW = 0.62  # share of the usual digit's width; "1" is left out
+FAINT = 0.6  # share of the usual letter's contrast
+RUNNING_TOGETHER = 0.6  # letters per character: from there on each letter is not seen by itself
+ICON_GAP, ICON_HEIGHT, ICON_OFF = 0.25, 1.15, 0.16  # a pictogram beside the line: apart, higher, or not on its foot
+ROOM = 0.9  # between the letters and an end of their box, which reaches about 0.3 beyond them
+BLOCK = 0.5  # step of the background there, share of the letters' contrast
+WORDS_APART = 1.1  # a gap that parts a number from a name
+_FLAT = frozenset("-–—.·•:,'´`_~\"")
+_DIGITS = frozenset("0123456789")
+
+
+@dataclass(frozen=True, slots=True)
+class Character:
+    """One character as read."""
+
+    text: str
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """`capital`: height of digits and capitals, share of the box. `damage`: why the reading may not be the whole text.
+
+    `parts`: begin and end, shares of the box, of what has to be read by itself; empty when the line is of one piece.
+    """
+
+    capital: float
+    damage: str = ""
+    parts: tuple[tuple[float, float], ...] = ()
+
+
+def checked(line: Strokes, characters: Sequence[Character]) -> Checked:
+    """Compares a reading with the strokes."""
+    letters = [c for c in characters if c.text != " "]
+    spaces = len(characters) - len(letters)
+    if not line.letters:
+        return Checked(0.0, "covered" if line.crossing.any() else "no strokes")
+    own = _letter_of_each(line, letters)
+    high = [a.height for a, c in zip(own, letters, strict=True) if c.text in _DIGITS or c.text.isupper()] if own else []
+    capital = float(np.median(high)) if high else line.capital
+    parts = _parts(line, capital, len(letters))
+    return Checked(capital / ROWS, _damage(line, capital, own, letters, spaces), parts)
+
+
+def _letter_of_each(line: Strokes, characters: Sequence[Character]) -> tuple[Letter, ...] | None:
+    """The letter of every character; None when they are not as many, or a digit would be as low as a dot."""
+    if len(line.letters) != len(characters):
+        return None
+    pairs = zip(line.letters, characters, strict=True)
+    low = any(c.text not in _FLAT and a.height < LOW * line.capital for a, c in pairs)
+    return None if low else line.letters
+
+
+def _parts(line: Strokes, capital: float, characters: int) -> tuple[tuple[float, float], ...]:
+    """Where to cut the line: at a pictogram on either side, and at a gap that is no space between words."""
+    letters = list(line.letters)
+    width = line.ink.shape[1] - 2 * line.margin
+    if len(letters) < 2:
+        return ()
+    first, last = 0, len(letters)
+    while last - first > 1 and _is_icon(letters[first], letters[first + 1 : last], last - first > characters):
+        first += 1
+    while last - first > 1 and _is_icon(letters[last - 1], letters[first : last - 1], last - first > characters):
+        last -= 1
+    cuts = [i for i in range(first + 1, last) if letters[i].x - letters[i - 1].right > WORDS_APART * capital]
+    icon = _solid(line, capital, line.margin, letters[0].x) or _solid(
+        line, capital, letters[-1].right, line.margin + width
+    )
+    if not cuts and not icon and (first, last) == (0, len(letters)):
+        return ()
+    bounds = [first, *cuts, last]
+    spans = []
+    for a, b in pairwise(bounds):
+        left = 0.0 if a == 0 else (letters[a].x + letters[a - 1].right) / 2 - line.margin
+        right = float(width) if b == len(letters) else (letters[b].x + letters[b - 1].right) / 2 - line.margin
+        left = max(left, letters[a].x - line.margin - 0.25 * capital)
+        right = min(right, letters[b - 1].right - line.margin + 0.25 * capital)
+        spans.append((max(left, 0.0) / width, min(right, width) / width))
+    return tuple(spans)
+
+
+def _solid(line: Strokes, capital: float, begin: float, end: float) -> bool:
+    """A pictogram too solid to be a stroke, between the box's end and the letters."""
+    if end - begin < ROOM * capital:
+        return False
+    middle = line.margin + ROWS / 2
+    rows = slice(round(middle - 0.3 * capital), round(middle + 0.3 * capital))
+    profile = np.median(line.back[rows, round(begin) : round(end - NEAR * capital)].astype(np.float32), axis=0)
+    return float(np.ptp(profile)) > BLOCK * line.contrast
+
+
+def _is_icon(one: Letter, rest: Sequence[Letter], unread: bool) -> bool:
+    """A pictogram stands apart from the letters, and is higher, or not on their line, or not read as one."""
+    tall = [a for a in rest if a.height >= 0.6 * max(b.height for b in rest)]
+    capital = float(np.median([a.height for a in tall]))
+    foot, head = float(np.median([a.bottom for a in tall])), float(np.median([a.y for a in tall]))
+    gap = max(rest[0].x - one.right, one.x - rest[-1].right)
+    if gap < ICON_GAP * capital or one.height < 0.6 * capital:
+        return False
+    off = max(one.bottom - foot, head - one.y)
+    return unread or one.height > ICON_HEIGHT * capital or off > ICON_OFF * capital
+
+
+def _damage(
+    line: Strokes, capital: float, own: Sequence[Letter] | None, characters: Sequence[Character], spaces: int
+) -> str:
+    tall = [a for a in line.letters if a.height >= 0.6 * capital] or list(line.letters)
+    top, bottom = min(a.y for a in tall), max(a.bottom for a in tall)
+    x0, x1 = line.letters[0].x, line.letters[-1].right
+    core = slice(round(top + 0.1 * capital), round(bottom - 0.1 * capital))
+    through = line.crossing[core, round(x0) : round(x1)].any(axis=0)
+    if through.sum() > CROSSED * capital:
+        return "something runs through the letters"
+    if len(line.letters) == 1 and len(characters) > 2:
+        return "no letters apart"
+    return _covered(line, capital) or _missing(line, capital, spaces) or _uneven(line, own, characters)
+
+
+def _covered(line: Strokes, capital: float) -> str:
+    """Whether anything touches the line from a side: half a letter, or the border of what hides the rest of it."""
+    tall = [a for a in line.letters if a.height >= 0.6 * capital] or list(line.letters)
+    top, bottom = min(a.y for a in tall), max(a.bottom for a in tall)
+    x0, x1 = line.letters[0].x, line.letters[-1].right
+    rows = slice(max(round(top + 0.1 * capital), 0), round(bottom - 0.1 * capital) + 1)
+    columns = slice(max(round(x0), 0), round(x1) + 1)
+    inked = (line.ink[rows] > DIFFERS * line.contrast).mean(axis=0) > COLUMN_BUSY
+    across = np.median(line.back[rows].astype(np.float32), axis=0)
+    down = np.median(line.back[:, columns].astype(np.float32), axis=1)
+    near, far = round(NEAR * capital), round(BESIDE_FREE * capital)
+    left, right = slice(max(round(x0) - far, 0), max(round(x0) - near, 0)), slice(round(x1) + near, round(x1) + far)
+    if inked[left].any() or inked[right].any():
+        return "another stroke beside the letters"
+    step, reach, inward = STEP * line.contrast, max(round(EDGE * capital), 1), INWARD * capital
+    above = ABOVE_FREE * capital
+    for side, profile, at, to in (
+        ("left", across, x0 + inward, x0 - far),
+        ("right", across, x1 - inward, x1 + far),
+        ("above", down, top + inward, top - above),
+        ("below", down, bottom - inward, bottom + above),
+    ):
+        a, b = (max(round(end), 0) for end in sorted((at, to)))
+        steps = np.abs(profile[reach:] - profile[:-reach])
+        close = steps[a : max(b + 1 - reach, a + 1)]
+        # Light that falls on a plate changes the background all along the line
+        usual = float(np.median(steps[max(a - round(capital), 0) : b + round(capital)])) if len(steps) else 0.0
+        if close.size and float(close.max()) > max(step, SHARPER * usual):
+            return f"an edge close {side}"
+    return ""
+
+
+def _missing(line: Strokes, capital: float, spaces: int) -> str:
+    """A gap like that between words where no space was read: a letter may have been erased."""
+    gaps = [b.x - a.right for a, b in pairwise(line.letters)]
+    limit = max(GAP_MAX * capital, GAP_TIMES * sorted(gaps)[(len(gaps) - 1) // 2]) if gaps else 0.0
+    return "a gap between the letters" if sum(gap > limit for gap in gaps) > spaces else ""
+
+
+def _uneven(line: Strokes, own: Sequence[Letter] | None, characters: Sequence[Character]) -> str:
+    if own is None:
+        return ""
+    digits = [(a, c) for a, c in zip(own, characters, strict=True) if c.text in _DIGITS]
+    if len(digits) < 2:
+        return ""
+    height = float(np.median([a.height for a, _ in digits]))
+    foot = float(np.median([a.bottom for a, _ in digits]))
+    if any(abs(a.height - height) > HEIGHT_OFF * height or abs(a.bottom - foot) > FOOT_OFF * height for a, _ in digits):
+        return "digits of different heights"
+    wide = [a.width for a, c in digits if c.text != "1"]
+    if wide and min(wide) < NARROW * float(np.median(wide)):
+        return "a digit is too narrow"
+    usual = float(np.median([a.contrast for a in own]))
+    if any(a.contrast < FAINT * usual for a, c in zip(own, characters, strict=True) if c.text not in _FLAT):
+        return "a letter is too faint"
+    return ""

@@ -1,0 +1,96 @@
+"""What a line's strokes tell of a reading that OCR is sure of: covered, raised, faint and missing letters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw
+
+from offboard.evaluate.signs.fonts import font_for_capitals
+from onboard.poi.signs.letters import ROWS, strokes
+from onboard.poi.signs.line_check import Character, Checked, checked
+
+CAPITAL_PX, MARGIN_PX = 30, 40
+WHITE, BLACK = 235, 30
+
+
+def drawn(*parts: tuple[str, float, float]) -> Any:
+    """Texts on one line: each with where it begins and how far it is raised, in pixels; black on white."""
+    fonts = [font_for_capitals("DejaVu Sans", CAPITAL_PX * (0.6 if raised else 1.0)) for _, _, raised in parts]
+    right = max(x + font.getlength(text) for (text, x, _), font in zip(parts, fonts, strict=True))
+    picture = Image.new("L", (round(right) + 9 + MARGIN_PX, CAPITAL_PX + 18 + 2 * MARGIN_PX), WHITE)
+    draw = ImageDraw.Draw(picture)
+    for (text, x, raised), font in zip(parts, fonts, strict=True):
+        draw.text((x, MARGIN_PX + 9 - font.getbbox("H")[1] - raised), text, font=font, fill=BLACK)
+    return np.asarray(picture, np.uint8).copy()
+
+
+def check(picture: Any, text: str) -> Checked:
+    return checked(strokes(picture, MARGIN_PX, len(text.replace(" ", ""))), [Character(c, 0.999) for c in text])
+
+
+@pytest.mark.parametrize("negative", [False, True])
+@pytest.mark.parametrize("text", ["824", "16-186", "2.014", "A204", "12b", "S1|07", "111"])
+def test_line_that_stands_free_has_no_damage(text: str, negative: bool) -> None:
+    picture = drawn((text, 55, 0))
+    result = check(255 - picture if negative else picture, text)
+    assert result.damage == ""
+    assert result.parts == ()
+    assert result.capital * (CAPITAL_PX + 18) == pytest.approx(CAPITAL_PX, abs=2.5)
+
+
+@pytest.mark.parametrize("shade", [BLACK, 120, 170])
+@pytest.mark.parametrize("share", [0.35, 0.5, 0.65])
+def test_first_digit_that_something_hides_in_part_is_damage(shade: int, share: float) -> None:
+    picture = drawn(("824", 55, 0))
+    picture[:, : round(55 + share * 0.87 * CAPITAL_PX)] = shade
+    assert check(picture, "324").damage
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_line_whose_lower_part_is_hidden_is_damage(share: float) -> None:
+    picture = drawn(("824", 55, 0))
+    picture[MARGIN_PX + 9 + round((1 - share) * CAPITAL_PX) :] = 110
+    assert check(picture, "824").damage
+
+
+def test_raised_digit_is_damage() -> None:
+    assert check(drawn(("10", 55, 0), ("2", 112, 4)), "102").damage
+
+
+def test_letter_that_light_erased_is_missed() -> None:
+    picture = drawn(("5", 45, 0), ("34", 95, 0))
+    assert check(picture, "534").damage == "a gap between the letters"
+    assert check(picture, "5 34").damage == ""
+
+
+def test_light_that_falls_on_a_plate_is_no_damage() -> None:
+    picture = drawn(("824", 55, 0)).astype(np.float64)
+    light = np.linspace(0.45, 1.0, picture.shape[1])[None, :]
+    assert check((picture * light).astype(np.uint8), "824").damage == ""
+
+
+def test_cable_across_the_letters_is_damage() -> None:
+    picture = drawn(("824", 55, 0))
+    picture[:, 80:86] = BLACK
+    assert check(picture, "824").damage
+
+
+def test_pictogram_beside_the_number_is_parted_from_it() -> None:
+    picture = drawn(("214", 95, 0))
+    picture[MARGIN_PX : MARGIN_PX + CAPITAL_PX + 17, 50:70] = BLACK
+    (part,) = check(picture, "0214").parts
+    assert 0.2 < part[0] < 0.4
+    assert part[1] > 0.9
+
+
+def test_name_far_beside_the_number_is_parted_from_it() -> None:
+    assert len(check(drawn(("214", 50, 0), ("Osei", 170, 0)), "214 Osei").parts) == 2
+
+
+def test_blank_line_has_no_strokes() -> None:
+    result = check(np.full((100, 200), 128, np.uint8), "8")
+    assert (result.capital, result.damage) == (0.0, "no strokes")
+    assert ROWS > 0
