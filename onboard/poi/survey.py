@@ -8,7 +8,7 @@ around the candidate to the worker. Frames of a turning robot are skipped: they 
 from __future__ import annotations
 
 import logging
-from math import hypot, inf
+from math import atan2, hypot, inf
 
 import cv2
 
@@ -179,7 +179,7 @@ class Survey:
         if place is None or self.turning:
             return
         pose, wall = place
-        camera = self._full_camera
+        camera = self._camera_of(frame)
         small = cv2.resize(frame.image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA)
         gray = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
         factor = frame.image.shape[1] / PREVIEW_SIZE_PX[0]
@@ -205,19 +205,24 @@ class Survey:
         for finding in reading.findings:
             point = self._point(job, finding.u_px)
             if point is not None:
-                sign = self.records.add_sign(point, now_s, finding.reading)
+                bearing_rad = atan2(job.pose.y_m - point.y_m, job.pose.x_m - point.x_m)
+                sign = self.records.add_sign(point, now_s, finding.reading, bearing_rad)
                 sign.distance_m = job.wall.distance_m
-                quality = self._quality(finding)
+                quality = self._quality(finding, job.frame.image.shape[1])
                 if quality > sign.photo_quality:
                     sign.photo, sign.photo_quality = jpeg(job.frame.image), quality
 
-    def _quality(self, finding: Finding) -> float:
+    def _quality(self, finding: Finding, width_px: int) -> float:
         """Rank of a photo: sharp, and not far from the middle of the picture; larger is better."""
-        aside = abs(finding.u_px / self._full_camera.width_px - 0.5)
+        aside = abs(finding.u_px / width_px - 0.5)
         return finding.sharpness.gradient * (1.0 - aside)
 
     def _point(self, job: Job, u_px: float) -> WallPoint | None:
-        return job.wall.point(job.pose, self._full_camera.bearing_rad(u_px))
+        return job.wall.point(job.pose, self._camera_of(job.frame).bearing_rad(u_px))
+
+    def _camera_of(self, frame: Frame) -> CameraModel:
+        """The lens in the size that the source gave, which need not be that which was requested."""
+        return self._full_camera.resized(frame.image.shape[1], frame.image.shape[0])
 
 
 def jpeg(image: Image) -> bytes:

@@ -103,14 +103,20 @@ def plate(number: str, confidence: float = 0.99, room_type: str = "") -> SignRea
     return SignReading(Verdict.PLATE, shown, room_type, confidence, (0.0, 0.0, 10.0, 10.0), (number,))
 
 
+def read_from(records: DoorRecords, x_m: float, reading: SignReading, *bearings_rad: float, now_s: float = 7.0) -> Sign:
+    """Photos of one sign by a robot in these directions of it."""
+    for bearing_rad in bearings_rad:
+        sign = records.add_sign(on_wall(x_m), now_s, reading, bearing_rad)
+    return sign
+
+
 def other() -> SignReading:
     return SignReading(Verdict.OTHER, None, "", 0.0, (0.0, 0.0, 10.0, 10.0), ("Open day",))
 
 
 def test_door_with_its_plate_beside_it_is_one_record_at_the_doors_middle() -> None:
     records = records_with_door(3.0)
-    for _ in range(2):
-        records.add_sign(on_wall(2.25), 7.0, plate("101", room_type="Office"))
+    read_from(records, 2.25, plate("101", room_type="Office"), 1.4, 1.6)
     (door,) = records.doors()
     assert (door.centre.x_m, door.centre.y_m) == pytest.approx((3.005, 0.0), abs=0.01)
     assert door.state is State.READ
@@ -120,13 +126,22 @@ def test_door_with_its_plate_beside_it_is_one_record_at_the_doors_middle() -> No
 
 def test_one_reading_is_doubtful_and_two_that_agree_are_accepted() -> None:
     records = records_with_door(3.0)
-    records.add_sign(on_wall(3.0), 7.0, plate("101"))
+    read_from(records, 3.0, plate("101"), 1.4)
     assert records.doors()[0].state is State.DOUBTFUL
-    records.add_sign(on_wall(3.0), 8.0, plate("107"))
+    read_from(records, 3.0, plate("107"), 1.5)
     assert records.doors()[0].state is State.DOUBTFUL
-    for _ in range(2):
-        records.add_sign(on_wall(3.0), 9.0, plate("101"))
+    read_from(records, 3.0, plate("101"), 1.6, 1.7)
     assert records.doors()[0].state is State.READ
+
+
+def test_photos_from_one_direction_are_one_view_however_many_they_are() -> None:
+    records = records_with_door(3.0)
+    read_from(records, 3.0, plate("324"), 1.57, 1.571, 1.569, 1.57)
+    assert records.doors()[0].state is State.DOUBTFUL
+    read_from(records, 3.0, plate("824"), 1.3, 1.4, 1.7)
+    (door,) = records.doors()
+    assert door.sign is not None
+    assert (door.state, door.sign.number) == (State.READ, "824")
 
 
 def test_poster_beside_a_door_is_nobodys_plate() -> None:
@@ -153,8 +168,7 @@ def test_plate_goes_to_the_nearest_of_two_doors() -> None:
         for i in range(5):
             records.add_edge(side, on_wall(x_m), float(i))
     for x_m, number in ((2.3, "101"), (0.7, "102")):
-        for _ in range(2):
-            records.add_sign(on_wall(x_m), 7.0, plate(number))
+        read_from(records, x_m, plate(number), 1.4, 1.6)
     doors = {door.sign.number: door.centre.x_m for door in records.doors() if door.sign is not None}
     assert doors == {"101": pytest.approx(3.005, abs=0.01), "102": pytest.approx(1.4, abs=0.01)}
 
@@ -169,8 +183,7 @@ def test_door_seen_again_after_the_map_moved_is_still_one() -> None:
 
 def test_plate_of_an_unseen_door_stands_for_itself() -> None:
     records = DoorRecords(lambda left, right: True, SITE)
-    for _ in range(2):
-        records.add_sign(on_wall(5.0), 1.0, plate("204"))
+    read_from(records, 5.0, plate("204"), 1.4, 1.6)
     (door,) = records.doors()
     assert door.edges == ()
     assert door.centre.x_m == 5.0
@@ -180,7 +193,7 @@ def test_one_edge_tells_where_the_door_of_a_plate_is() -> None:
     records = DoorRecords(lambda left, right: True, SITE)
     for i in range(3):
         records.add_edge(Side.RIGHT, on_wall(5.25), float(i))
-        records.add_sign(on_wall(5.0), float(i), plate("204"))
+        records.add_sign(on_wall(5.0), float(i), plate("204"), 1.4 + 0.1 * i)
     (door,) = records.doors()
     assert door.centre.x_m == pytest.approx(5.25 + 0.53, abs=0.01)
 
@@ -202,11 +215,10 @@ def test_outline_around_a_poster_is_no_door() -> None:
 
 def test_single_reading_of_a_number_that_another_door_has_is_dropped() -> None:
     records = records_with_door(3.0)
-    for _ in range(2):
-        records.add_sign(on_wall(2.25), 7.0, plate("101"))
-    records.add_sign(on_wall(9.0), 9.0, plate("101"))
+    read_from(records, 2.25, plate("101"), 1.4, 1.6)
+    read_from(records, 9.0, plate("101"), 1.4, now_s=9.0)
     assert len(records.doors()) == 1
-    records.add_sign(on_wall(9.0), 9.5, plate("101"))
+    read_from(records, 9.0, plate("101"), 1.6, now_s=9.5)
     assert len(records.doors()) == 2
 
 
@@ -217,9 +229,8 @@ def doubtful(number: str) -> SignReading:
 
 def test_number_of_another_form_is_doubtful_on_its_door_and_no_record_by_itself() -> None:
     records = records_with_door(3.0)
-    for _ in range(3):
-        on_door = records.add_sign(on_wall(3.0), 7.0, doubtful("16-101"))
-        records.add_sign(on_wall(9.0), 7.0, doubtful("16-102"))
+    on_door = read_from(records, 3.0, doubtful("16-101"), 1.4, 1.5, 1.6)
+    read_from(records, 9.0, doubtful("16-102"), 1.4, 1.5, 1.6)
     (door,) = records.doors()
     assert door.state is State.DOUBTFUL
     assert door.sign is on_door
@@ -232,8 +243,7 @@ def test_doubtful_plates_count_once_enough_of_them_share_a_form() -> None:
     records = DoorRecords(lambda left, right: True, SITE)
     for i in range(PLATES_MIN):
         assert records.doors() == []
-        for _ in range(2):
-            records.add_sign(on_wall(3.0 * i), 7.0, doubtful(f"16-{101 + i}"))
+        read_from(records, 3.0 * i, doubtful(f"16-{101 + i}"), 1.4, 1.6)
     assert sorted((door.sign.number, door.state) for door in records.doors() if door.sign is not None) == [
         (f"16-{101 + i}", State.READ) for i in range(PLATES_MIN)
     ]
@@ -243,7 +253,46 @@ def test_rooms_that_differ_only_in_separators_are_two_doors() -> None:
     records = DoorRecords(lambda left, right: True, site_numbers(PoiSection(number_presets=("floor.room",))))
     for x_m, number in ((0.0, "1.11"), (1.0, "11.1")):
         shown = RoomNumber(number, "floor.room")
-        for _ in range(2):
-            reading = SignReading(Verdict.PLATE, shown, "", 0.99, (0.0, 0.0, 10.0, 10.0), (number,))
-            records.add_sign(on_wall(x_m), 7.0, reading)
+        reading = SignReading(Verdict.PLATE, shown, "", 0.99, (0.0, 0.0, 10.0, 10.0), (number,))
+        read_from(records, x_m, reading, 1.4, 1.6)
     assert sorted(door.sign.number for door in records.doors() if door.sign is not None) == ["1.11", "11.1"]
+
+
+def row_of_plates(*numbers: str) -> DoorRecords:
+    """Plates 3 m apart, each read from two directions."""
+    records = DoorRecords(lambda left, right: True, SITE)
+    for i, number in enumerate(numbers):
+        read_from(records, 3.0 * i, plate(number), 1.4, 1.6)
+    return records
+
+
+@pytest.mark.parametrize(
+    ("numbers", "doubted"),
+    [
+        (("201", "283", "205"), ["283"]),  # read for 203
+        (("201", "203", "205"), []),
+        (("201", "340", "205"), []),  # no number of this hall looks like it
+        (("201", "283", "905"), []),  # its neighbours themselves are in no order
+        (("2.01", "2.83", "2.05"), ["2.83"]),
+    ],
+)
+def test_number_out_of_its_neighbours_order_is_doubtful_and_kept(numbers: tuple[str, ...], doubted: list[str]) -> None:
+    records = row_of_plates(*numbers)
+    records.doors()
+    assert [sign.number for sign in records.signs] == list(numbers)
+    assert [sign.number for sign in records.signs if sign.doubt] == doubted
+
+
+def test_number_out_of_order_that_was_seen_from_everywhere_counts() -> None:
+    records = row_of_plates("201", "283", "205")
+    read_from(records, 3.0, plate("283"), 1.2, 1.8)
+    records.doors()
+    assert [sign.doubt for sign in records.signs] == ["", "", ""]
+
+
+def test_plate_that_names_a_room_keeps_its_door_and_wants_no_photo() -> None:
+    records = records_with_door(3.0)
+    named = SignReading(Verdict.NAMED, None, "WOMEN", 0.0, (0.0, 0.0, 10.0, 10.0), ("WOMEN",))
+    sign = read_from(records, 3.0, named, 1.4, 1.6)
+    (door,) = records.doors()
+    assert (door.state, sign.room_type, sign.wants_photo) == (State.UNREAD, "WOMEN", False)

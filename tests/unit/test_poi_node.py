@@ -179,6 +179,7 @@ def test_plate_that_cannot_be_read_is_visited_again_and_photographed_standing() 
     story._reads = [plate("304")]
     story.stand(4.0)
     assert [r.command for r in story.requests] == [PoiCommand.GOTO, PoiCommand.STOP, PoiCommand.CONTINUE]
+    story.drive_to(4.2)  # what was read standing is confirmed in passing
     assert [r.number for r in story.records.values() if r.state == "read"] == ["304"]
 
 

@@ -65,8 +65,12 @@ def associated(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint
         if i in plate_of or _well_observed(left, right, posters)
     ]
     taken = set(plate_of.values())
-    # Without a door around it, a number in doubt may be a year on a poster
-    alone = [_door_of_plate(plate, well_seen) for j, plate in enumerate(plates) if j not in taken and not plate.doubt]
+    # Without a door around it, a number in doubt may be a year on a poster, and a room's name a direction
+    alone = [
+        _door_of_plate(plate, well_seen)
+        for j, plate in enumerate(plates)
+        if j not in taken and plate.votes and not plate.doubt
+    ]
     return _distinct(doors + alone)
 
 
@@ -118,7 +122,7 @@ def _distinct_plates(plates: list[Sign]) -> list[Sign]:
     """Without the worse read of two plates that lie near each other with one number: one plate, placed twice."""
     kept: list[Sign] = []
     for plate in sorted(plates, key=lambda s: s.agreeing, reverse=True):
-        twins = (other for other in kept if other.key == plate.key)
+        twins = (other for other in kept if other.key == plate.key != "")
         if not any(other.place.point.distance_m(plate.place.point) < SAME_NUMBER_M for other in twins):
             kept.append(plate)
     return kept

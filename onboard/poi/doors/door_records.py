@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from onboard.poi.doors.door_association import Door, associated
 from onboard.poi.doors.door_detection import Side
+from onboard.poi.doors.hall_order import out_of_order
 from onboard.poi.doors.observations import Edge, Place, Sign, same_wall
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.signs.sign_reading import SignReading
@@ -44,8 +45,13 @@ class DoorRecords:
         sign = min(near, key=lambda s: s.place.point.distance_m(point), default=None)
         return sign if sign is not None and sign.place.point.distance_m(point) < SIGN_GATE_M else None
 
-    def add_sign(self, point: WallPoint, now_s: float, reading: SignReading | None = None) -> Sign:
-        """Takes an observation of a possible sign, with its reading where there is one; returns the merged sign."""
+    def add_sign(
+        self, point: WallPoint, now_s: float, reading: SignReading | None = None, bearing_rad: float = 0.0
+    ) -> Sign:
+        """Takes an observation of a possible sign, with its reading where there is one; returns the merged sign.
+
+        `bearing_rad`: direction from the sign to the robot that read it, on the map.
+        """
         sign = self.sign_at(point)
         if sign is None:
             sign = Sign(Place.of(point, now_s))
@@ -53,7 +59,7 @@ class DoorRecords:
         else:
             sign.place.add(point, now_s)
         if reading is not None:
-            sign.vote(reading)
+            sign.vote(reading, bearing_rad)
         return sign
 
     def add_blank(self, point: WallPoint, now_s: float) -> None:
@@ -68,4 +74,6 @@ class DoorRecords:
         self.site = self.site.after(s.read for s in self.signs if s.read is not None and s.agreed and not s.rejected)
         for sign in self.signs:
             sign.doubt = self.site.doubt(sign.read) if sign.read is not None else ""
+        for sign in out_of_order([sign for sign in self.signs if sign.is_plate and sign.votes and not sign.doubt]):
+            sign.doubt = "not in the order of its neighbours"
         return associated(self.edges, self.signs, self._backed)

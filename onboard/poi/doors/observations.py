@@ -1,6 +1,6 @@
 """Observations of one place on a wall, merged: an edge of a door, or a sign and all its readings.
 
-A place is the mean of its observations. The photos of a sign vote on its text: at least two must agree.
+A place is the mean of its observations. The photos of a sign vote on its text: those of two directions must agree.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.sign_reading import SignReading, Verdict
 
 SAME_WALL_RAD = 0.4  # between normals of one wall; walls meet at right angles
-AGREEING_MIN = 2  # photos with the same number
+AGREEING_MIN = 2  # directions from which the same number was read
+SAME_VIEW_RAD = 0.04  # between directions: 5 cm of path at 1.2 m
 BLANKS_MAX = 3  # photos without text, after which a candidate is no sign
-MAJORITY = 0.6  # share of the winning number in the confidence of all readings
+MAJORITY = 0.6  # share of the winning number in the confidence of all views
 
 
 @dataclass(slots=True)
@@ -61,11 +62,25 @@ class Edge:
 
 @dataclass(slots=True)
 class Votes:
-    """All readings of one number, by its key: how many, their confidence, and how they show it."""
+    """All readings of one number, by its key: from which directions, the best confidence of each, how they show it.
 
-    count: int = 0
-    weight: float = 0.0
+    Photos from one direction are one view: what hides half a digit there hides it in all of them.
+    """
+
+    views: list[tuple[float, float]] = field(default_factory=list)
     shown: Counter[RoomNumber] = field(default_factory=Counter)
+
+    def add(self, bearing_rad: float, reading: SignReading, number: RoomNumber) -> None:
+        self.shown[number] += 1
+        for i, (view_rad, confidence) in enumerate(self.views):
+            if abs(wrap_angle(view_rad - bearing_rad)) < SAME_VIEW_RAD:
+                self.views[i] = view_rad, max(confidence, reading.confidence)
+                return
+        self.views.append((bearing_rad, reading.confidence))
+
+    @property
+    def weight(self) -> float:
+        return sum(confidence for _, confidence in self.views)
 
 
 @dataclass(slots=True)
@@ -83,16 +98,14 @@ class Sign:
     best_confidence: float = 0.0
     distance_m: float = 1.0  # of the robot from the wall when it was seen last
 
-    def vote(self, reading: SignReading) -> None:
-        """Counts one reading of the sign."""
+    def vote(self, reading: SignReading, bearing_rad: float) -> None:
+        """Counts one reading of the sign, from a robot in this direction of it."""
         self.verdicts[reading.verdict] += 1
         if reading.number is not None and reading.verdict in (Verdict.PLATE, Verdict.DOUBTFUL):
-            votes = self.votes.setdefault(reading.number.key, Votes())
-            votes.count, votes.weight = votes.count + 1, votes.weight + reading.confidence
-            votes.shown[reading.number] += 1
+            self.votes.setdefault(reading.number.key, Votes()).add(bearing_rad, reading, reading.number)
             self.best_confidence = max(self.best_confidence, reading.confidence)
-            if reading.room_type:
-                self.types[reading.room_type] += 1
+        if reading.room_type and reading.verdict in (Verdict.PLATE, Verdict.DOUBTFUL, Verdict.NAMED):
+            self.types[reading.room_type] += 1
 
     @property
     def read(self) -> RoomNumber | None:
@@ -111,12 +124,12 @@ class Sign:
 
     @property
     def agreeing(self) -> int:
-        """The photos that show this number."""
-        return self.votes[self.key].count if self.votes else 0
+        """The directions from which photos show this number."""
+        return len(self.votes[self.key].views) if self.votes else 0
 
     @property
     def agreed(self) -> bool:
-        """Enough photos agree on the number."""
+        """Photos from enough directions agree on the number."""
         return self.agreeing >= AGREEING_MIN and self.share > MAJORITY
 
     @property
@@ -125,7 +138,7 @@ class Sign:
 
     @property
     def share(self) -> float:
-        """The share of the winning number in the confidence of all readings."""
+        """The share of the winning number in the confidence of all views."""
         total = sum(votes.weight for votes in self.votes.values())
         return self.votes[self.key].weight / total if total else 0.0
 
@@ -140,7 +153,12 @@ class Sign:
 
     @property
     def is_plate(self) -> bool:
-        return bool(self.votes) and not self.rejected
+        return bool(self.votes or self.named) and not self.rejected
+
+    @property
+    def named(self) -> bool:
+        """It names a room and has no number."""
+        return not self.votes and self.verdicts[Verdict.NAMED] >= AGREEING_MIN
 
     @property
     def settled(self) -> bool:
@@ -149,16 +167,20 @@ class Sign:
             return self.blanks >= BLANKS_MAX
         if self.rejected:
             return self.verdicts[Verdict.OTHER] >= AGREEING_MIN + self._plates
-        return self.agreed and self.agreeing >= AGREEING_MIN + 1
+        return self.named or (self.agreed and self.agreeing >= AGREEING_MIN + 1)
 
     @property
     def wants_photo(self) -> bool:
         """It may be a plate and could not be read well enough; a number in doubt is legible."""
-        return bool(self.verdicts) and not self.agreed and not self.rejected
+        return bool(self.verdicts) and not (self.agreed or self.rejected or self.named)
 
     @property
     def _plates(self) -> int:
-        return self.verdicts[Verdict.PLATE] + (0 if self.doubt else self.verdicts[Verdict.DOUBTFUL])
+        return (
+            self.verdicts[Verdict.PLATE]
+            + self.verdicts[Verdict.NAMED]
+            + (0 if self.doubt else self.verdicts[Verdict.DOUBTFUL])
+        )
 
 
 def same_wall(a: WallPoint, b: WallPoint) -> bool:
