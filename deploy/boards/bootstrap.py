@@ -13,12 +13,25 @@ from common.config import Config
 from common.errors import StartError
 from deploy.boards import layout
 from deploy.boards.checks import CLOCK_OFF_S, roles_on
-from deploy.boards.probe import Facts, clock_offset_s
+from deploy.boards.probe import Facts, clock_offset_s, probe
 from deploy.boards.ssh import BoardError, Connection
 
 _APT = "DEBIAN_FRONTEND=noninteractive apt-get"
 _APT_S = 1800.0
 _DEBS = "/var/cache/indoor-mapping-debs"
+# A folder may hold all that the packages need, for any board: what this one has, stays as it is
+_INSTALL_DEBS = f"""
+mkdir -p {_DEBS} && cd {_DEBS} && tar x || exit
+for deb in *.deb; do
+  name=$(dpkg-deb -f "$deb" Package) || exit
+  [ "$(dpkg-query -W -f '${{db:Status-Status}}' "$name" 2>/dev/null)" != installed ] || rm "$deb"
+done
+set -- ./*.deb
+[ ! -e "$1" ] || {_APT} install -qq -y --no-download --no-install-recommends "$@" >/dev/null
+code=$?
+rm -r {_DEBS}
+exit $code
+"""
 
 
 def bootstrap(connection: Connection, config: Config, facts: Facts, debs: Path | None) -> None:
@@ -28,6 +41,9 @@ def bootstrap(connection: Connection, config: Config, facts: Facts, debs: Path |
         set_clock(connection)
     if facts.missing_packages:
         _install_packages(connection, facts.missing_packages, debs)
+        missing = () if connection.dry_run else probe(connection, config).missing_packages
+        if missing:
+            raise StartError(f"{board} still lacks {', '.join(missing)}{f', which {debs} has not' if debs else ''}.")
     if not facts.has_user:
         connection.change(
             f"useradd --system --user-group --home-dir {layout.STATE} --shell /usr/sbin/nologin {layout.USER}"
@@ -64,13 +80,7 @@ def _install_packages(connection: Connection, packages: Iterable[str], debs: Pat
     if not files:
         raise StartError(f"{debs} holds no .deb files.")
     data = b"" if connection.dry_run else _archive(files)
-    install = f"{_APT} install -qq -y --no-download --no-install-recommends {_DEBS}/*.deb >/dev/null"
-    connection.change(
-        f"mkdir -p {_DEBS} && tar x -C {_DEBS} && {install} && rm -r {_DEBS}",
-        data,
-        _APT_S,
-        f"install {len(files)} packages of {debs}",
-    )
+    connection.change(_INSTALL_DEBS, data, _APT_S, f"install {', '.join(packages)} from {debs}")
 
 
 def _send_keys(connection: Connection, folder: Path) -> None:

@@ -92,12 +92,20 @@ def _system_problems(board: str, section: BoardSection, facts: Facts) -> list[st
 
 
 def release_problems(facts: Mapping[str, Facts]) -> list[str]:
-    """Between boards: modules of different releases do not drive together."""
+    """Of the boards' releases: an update that did not come to its end, on one board or between them.
+
+    Modules of different message tables do not drive together.
+    """
     releases = {board: known.release for board, known in facts.items() if known.release}
-    if len(set(releases.values())) < 2:
-        return []
-    told = ", ".join(f"{board} runs {release}" for board, release in releases.items())
-    return [f"The boards have different releases, so the robot does not move: {told}; run `deploy push`."]
+    problems = [
+        f"{board} was switched to {release} and not seen to run well since: run `deploy push` or `deploy rollback`."
+        for board, release in releases.items()
+        if release not in facts[board].good
+    ]
+    if len(set(releases.values())) > 1:
+        told = ", ".join(f"{board} runs {release}" for board, release in releases.items())
+        problems.append(f"The boards have different releases: {told}; run `deploy push` or `deploy rollback`.")
+    return problems
 
 
 def motion_problems(facts: Facts | None, board: str) -> list[str]:

@@ -115,14 +115,31 @@ def push(fleet: Fleet, trees: Mapping[str, Tree]) -> bool:
         connection.report(f"sending {tree.release} ...")
         link_bytes = deliver(connection, tree)
         connection.report(f"{link_bytes / MEGABYTE:.2f} MB went over the link")
-    fleet.refuse_while_moving()
     return _switch_all(fleet, {board: trees[board].release for board in fleet.chosen}, facts)
 
 
 def go_back(fleet: Fleet) -> bool:
-    """To the last good release before the one that runs; False when a board has none, or it does not run."""
+    """All to the newest release that ran well on each of them and that not all run now; False when it does not run.
+
+    After an update that ended between two boards this is the release of the board that has not switched.
+    """
+    facts = _sound_answers(fleet)
     fleet.refuse_while_moving()
-    return _switch_all(fleet, dict.fromkeys(fleet.chosen, LAST_GOOD), {})
+    *others, last = facts.values()
+    shared = [release for release in last.good if all(release in other.good for other in others)]
+    release = next((r for r in shared if any(known.release != r for known in facts.values())), None)
+    if release is None:
+        raise Refused([f"There is no earlier release that ran well on {' and '.join(facts)}."])
+    return _switch_all(fleet, dict.fromkeys(fleet.chosen, release), facts)
+
+
+def _sound_answers(fleet: Fleet) -> dict[str, Facts]:
+    """Of all chosen boards; raises Refused when one is away."""
+    answers = fleet.answers()
+    problems = [str(answer) for answer in answers.values() if isinstance(answer, BoardError)]
+    if problems:
+        raise Refused(problems)
+    return {board: answer for board, answer in answers.items() if isinstance(answer, Facts)}
 
 
 def _switch_all(fleet: Fleet, releases: Mapping[str, str], facts: Mapping[str, Facts]) -> bool:
@@ -130,13 +147,14 @@ def _switch_all(fleet: Fleet, releases: Mapping[str, str], facts: Mapping[str, F
     switched: list[Connection] = []
     for connection in fleet.each():
         known = facts.get(connection.board)
-        if known is not None and known.runs(releases[connection.board]):
+        if known is not None and known.runs(releases[connection.board]) and known.release in known.good:
             connection.report(f"runs {known.release} already")
             continue
-        connection.report("switching ...")
         try:
+            fleet.refuse_while_moving()  # a robot that lacked a module may have got it back just now
+            connection.report("switching ...")
             result = switch(connection, releases[connection.board])
-        except BoardError:
+        except (BoardError, Refused):
             _switch_back(switched, facts)
             raise
         if result.outcome is not Outcome.RUNS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import time
 from collections.abc import Mapping, Sequence
@@ -23,6 +24,7 @@ folder={layout.HOME}; [ -d "$folder" ] || folder=/opt; [ -d "$folder" ] || folde
 echo free_kb=$(df -Pk "$folder" | awk 'NR == 2 {{ print $4 }}')
 echo user=$(id -un {layout.USER} 2>/dev/null)
 echo release=$(basename "$(readlink {layout.CURRENT} 2>/dev/null)" 2>/dev/null)
+echo good=$(cd {layout.RELEASES} 2>/dev/null && ls -t ./*/.ok 2>/dev/null | cut -d / -f 2)
 systemctl is-active -q COMM 2>/dev/null && echo permit=$(cat {layout.RUNTIME}/{NAME} 2>/dev/null)
 echo uptime_s=$(cut -d ' ' -f 1 /proc/uptime)
 echo load=$(cut -d ' ' -f 1 /proc/loadavg)
@@ -37,6 +39,7 @@ done
 for file in FILES; do [ -e "$file" ] && echo there:$file=1; done
 true
 """
+_RELEASE = re.compile(r"[A-Za-z0-9._-]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,7 @@ class Facts:
     has_user: bool
     has_systemd: bool
     release: str
+    good: tuple[str, ...]  # releases that ran well, the newest first
     permit: str
     uptime_s: float
     load: str
@@ -117,6 +121,7 @@ def parse(text: str, offset_s: float) -> Facts:
         has_user=bool(pairs.get("user")),
         has_systemd=pairs.get("systemd", "") not in ("", "offline"),
         release=pairs.get("release", ""),
+        good=tuple(name for name in pairs.get("good", "").split() if _RELEASE.fullmatch(name)),
         permit=pairs.get("permit", ""),
         uptime_s=_number(pairs.get("uptime_s", "")) or 0.0,
         load=pairs.get("load", ""),

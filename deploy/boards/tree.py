@@ -22,7 +22,7 @@ from pathlib import Path
 from common.config import BoardSection, Config, config_text
 from common.errors import StartError
 from common.release import RELEASE_FILE
-from deploy.boards.layout import KEYS, modules_on
+from deploy.boards.layout import KEYS, boards_in_use, modules_on
 from deploy.boards.platforms import python_of, wheel_platforms
 from deploy.boards.ssh import Output, last_line
 from deploy.boards.units import unit_texts
@@ -52,10 +52,13 @@ class Tree:
 
 
 def assemble(config: Config, boards: Sequence[str], cache: Path, report: Output) -> dict[str, Tree]:
-    """The trees of a release, by board; raises StartError."""
+    """The trees of a release, by board; raises StartError.
+
+    All boards of a robot have one release, also when only some of them get it now.
+    """
     sites = {board: _site(config, board, cache, report) for board in boards}
     shared = _board_config(config)
-    release = _release_name(shared, sites.values())
+    release = _release_name(shared, (_site_name(config, board) for board in boards_in_use(config)))
     return {board: _tree(shared, board, release, cache, site) for board, site in sites.items()}
 
 
@@ -90,14 +93,25 @@ def _canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
+def _from_pip(config: Config, board: str) -> list[str]:
+    """Names of the packages that a board does not get from Debian."""
+    from_debian = _FROM_DEBIAN.get(config.boards[board].platform, {})
+    return [name for name in _required(modules_on(config, board)) if name not in from_debian]
+
+
+def _site_name(config: Config, board: str) -> str:
+    """Of the folder of a board's packages: follows from what is in it."""
+    section = config.boards[board]
+    constraints = (ROOT / "constraints.txt").read_bytes()
+    names = _from_pip(config, board)
+    what = "\n".join([python_of(section), *wheel_platforms(section), *names]).encode() + constraints
+    return f"{section.platform}-{python_of(section)}-{hashlib.sha256(what).hexdigest()[:12]}"
+
+
 def _site(config: Config, board: str, cache: Path, report: Output) -> Path:
     """The board's packages, from the cache where it has them."""
-    section = config.boards[board]
-    from_debian = _FROM_DEBIAN.get(section.platform, {})
-    names = [name for name in _required(modules_on(config, board)) if name not in from_debian]
-    constraints = (ROOT / "constraints.txt").read_bytes()
-    what = "\n".join([python_of(section), *wheel_platforms(section), *names]).encode() + constraints
-    site = cache / "sites" / f"{section.platform}-{python_of(section)}-{hashlib.sha256(what).hexdigest()[:12]}"
+    section, names = config.boards[board], _from_pip(config, board)
+    site = cache / "sites" / _site_name(config, board)
     if not site.exists():
         report(f"{board}: fetching {', '.join(names)} for {section.platform}, Python {python_of(section)} ...")
         site.parent.mkdir(parents=True, exist_ok=True)
@@ -151,11 +165,11 @@ def _sources() -> Iterator[Path]:
                 yield file.relative_to(ROOT)
 
 
-def _release_name(config: Config, sites: Iterable[Path]) -> str:
+def _release_name(config: Config, sites: Iterable[str]) -> str:
     """The commit, and a hash of everything that the boards get: the same content has the same name."""
     content = hashlib.sha256(config_text(config).encode())
     for site in sites:
-        content.update(site.name.encode())
+        content.update(site.encode())
     for file in _sources():
         content.update(f"{file.as_posix()}\n".encode() + (ROOT / file).read_bytes())
     return f"{_commit()}-{content.hexdigest()[:8]}"

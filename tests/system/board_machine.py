@@ -10,13 +10,14 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
-from tests.system.radio import Radio, open_radio
+from tests.system.radio import open_radio
 
 FAKE_SYSTEMCTL = Path(__file__).with_name("fake_systemctl.py")
 MOUNT = """
@@ -27,6 +28,7 @@ mount -t overlay overlay -o lowerdir=/,upperdir={top}/upper,workdir={top}/work {
 cp -a {files}/. {top}/root/
 mount -t proc proc {top}/root/proc
 mount --rbind /dev {top}/root/dev
+mount -t tmpfs tmpfs {top}/root/dev/shm
 mount -t tmpfs tmpfs {top}/root/run
 mkdir {top}/root/run/sshd
 mount -t tmpfs -o size={opt_mb}m tmpfs {top}/root/opt
@@ -43,7 +45,7 @@ PidFile none
 Subsystem sftp internal-sftp
 """
 CLIENT = """
-Host {name}
+Host {name} {address}
   HostName {address}
   User root
   IdentityFile {key}
@@ -63,11 +65,21 @@ case "$*" in *install*) : > /etc/board_missing;; esac
 """
 
 
-class BoardMachine:
-    """`radio` is the link to it; `name` what `ssh` takes."""
+class Link(Protocol):
+    """A `Radio`, or the `Plug` of a `Switch`."""
 
-    def __init__(self, name: str, folder: Path, radio: Radio, opt_mb: int = 600) -> None:
-        self.name, self.radio = name, radio
+    up: bool
+    there: str
+    enter: tuple[str, ...]
+
+    def close(self) -> None: ...
+
+
+class BoardMachine:
+    """`link` leads to it; `name` is what `ssh` takes."""
+
+    def __init__(self, name: str, folder: Path, link: Link, opt_mb: int = 600) -> None:
+        self.name, self.link = name, link
         self._files, self._top = folder / f"{name}.files", folder / f"{name}.top"
         self._top.mkdir()
         key = folder / f"{name}.key"
@@ -89,11 +101,11 @@ class BoardMachine:
         script = MOUNT.format(top=self._top, files=self._files, opt_mb=opt_mb)
         self.log = (folder / f"{name}.log").open("wb")
         self._process = subprocess.Popen(
-            [*radio.enter, "unshare", "--mount", "--pid", "--fork", "--kill-child", "sh", "-c", script],
+            [*link.enter, "unshare", "--mount", "--pid", "--fork", "--kill-child", "sh", "-c", script],
             stdout=self.log,
             stderr=self.log,
         )
-        self.client = CLIENT.format(name=name, address=radio.there, key=key)
+        self.client = CLIENT.format(name=name, address=link.there, key=key)
 
     def await_answer(self) -> None:
         end_s = time.monotonic() + 20.0
@@ -106,11 +118,11 @@ class BoardMachine:
         return subprocess.run(["ssh", self.name, words], capture_output=True, text=True, check=True).stdout
 
     def close(self) -> None:
-        self.radio.up = True
+        self.link.up = True
         self._process.send_signal(signal.SIGKILL)  # with it all processes of its own
         self._process.wait()
         self.log.close()
-        self.radio.close()
+        self.link.close()
 
 
 def _needs() -> None:
@@ -121,14 +133,18 @@ def _needs() -> None:
 
 @contextmanager
 def board_machines(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, *names: str, opt_mb: int = 600
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *names: str,
+    opt_mb: int = 600,
+    open_link: Callable[[], Link] = open_radio,
 ) -> Iterator[list[BoardMachine]]:
     """Boards that `ssh NAME` reaches; skips the test where there can be none."""
     _needs()
     machines: list[BoardMachine] = []
     try:
         for name in names:
-            machines.append(BoardMachine(name, folder, open_radio(), opt_mb))
+            machines.append(BoardMachine(name, folder, open_link(), opt_mb))
         config, programs = folder / "ssh_config", folder / "programs"
         config.write_text("".join(machine.client for machine in machines))
         programs.mkdir()

@@ -23,7 +23,7 @@ def test_from_a_bare_board_to_a_robot_that_reports_over_tls(tmp_path: Path, monk
     with board_machines(tmp_path, monkeypatch, "board-a") as (machine,):
         config = Config(
             mesh=MeshSection(
-                listen="tls/0.0.0.0:7449", robot=f"tls/{machine.radio.there}:7449", keys=str(tmp_path / "keys")
+                listen="tls/0.0.0.0:7449", robot=f"tls/{machine.link.there}:7449", keys=str(tmp_path / "keys")
             ),
             beaglebone=replace(Config().beaglebone, ssh="board-a", platform="x86_64"),
             raspberry=BoardSection(("poi",)),

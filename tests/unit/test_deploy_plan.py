@@ -29,6 +29,7 @@ python=3.11
 free_kb=1500000
 user=indoor-mapping
 release=abc-123
+good=abc-123 abc-122
 permit=granted
 uptime_s=86400.5
 load=0.42
@@ -118,8 +119,11 @@ def test_check_names_what_is_wrong_on_this_machine(tmp_path: Path) -> None:
 
 
 def test_boards_of_two_releases_and_a_robot_that_may_move_are_named() -> None:
-    two = {"beaglebone": sound(), "raspberry": sound(release="def-456")}
-    assert "beaglebone runs abc-123, raspberry runs def-456" in checks.release_problems(two)[0]
+    two = {"beaglebone": sound(), "raspberry": sound(release="def-456", good=("def-456",))}
+    (different,) = checks.release_problems(two)
+    assert "beaglebone runs abc-123, raspberry runs def-456" in different
+    (unseen,) = checks.release_problems({"beaglebone": sound(good=("abc-122",))})
+    assert unseen.startswith("beaglebone was switched to abc-123 and not seen to run well since")
     assert checks.release_problems({"beaglebone": sound(), "raspberry": sound(release="")}) == []
     assert checks.motion_problems(sound(), "beaglebone") == []
     assert "The robot may move" in checks.motion_problems(sound(permit="granted"), "beaglebone")[0]
@@ -179,6 +183,13 @@ def test_a_tree_has_programs_packages_units_and_settings_and_the_same_content_ha
     assert (again.release, len(pip.calls)) == (made.release, calls)
     other = replace(config, bridge=replace(config.bridge, serial_port="/dev/ttyUSB0"))
     assert assemble(other, ("beaglebone",), tmp_path, lambda _: None)["beaglebone"].release != made.release
+
+
+def test_some_boards_get_the_release_that_all_would_get(pip: Pip, tmp_path: Path) -> None:
+    config = replace(CONFIG, raspberry=BoardSection(("poi",), "pi", "aarch64"))
+    boards = ("raspberry", "beaglebone")
+    made = [assemble(config, chosen, tmp_path, lambda _: None) for chosen in (boards, *((board,) for board in boards))]
+    assert len({tree.release for trees in made for tree in trees.values()}) == 1
 
 
 def test_a_package_without_a_wheel_and_one_of_another_version_end_in_a_sentence(pip: Pip, tmp_path: Path) -> None:
