@@ -6,10 +6,11 @@ PYTHON="$ROOT/.venv/bin/python"
 DEBIAN_PACKAGES=(g++ libegl1 libopengl0 libgl1-mesa-dri)
 # A browser for the page; the firmware's build for the Mega, and simavr to run it (`simulate --board avr`)
 TEST_PACKAGES=(chromium make gcc-avr avr-libc arduino-core-avr arduino-builder libsimavr-dev libelf-dev)
-TEST_PACKAGES+=(clang libclang-rt-dev) # the fuzzer
-TEST_PACKAGES+=(iproute2)              # machines behind bad links
-TEST_PACKAGES+=(openssh-server rsync)  # boards to deploy to
-TEST_PACKAGES+=(systemd avrdude)       # the boards' units, and flashing the Mega
+TEST_PACKAGES+=(clang libclang-rt-dev)        # the fuzzer
+TEST_PACKAGES+=(iproute2)                     # machines behind bad links
+TEST_PACKAGES+=(openssh-server rsync sudo)    # boards to deploy to
+TEST_PACKAGES+=(systemd-container mmdebstrap) # booted ones
+TEST_PACKAGES+=(systemd avrdude)              # the boards' units, and flashing the Mega
 
 say() { printf '%s\n' "$*" >&2; }
 

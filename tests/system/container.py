@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import time
@@ -15,12 +16,16 @@ END_S = 30.0
 
 
 class Container:
-    """Over a root folder that stays as it is; `shown`: folder or file here -> path inside, for reading."""
+    """Over a root folder that stays as it is, unless it `keeps` what is written.
 
-    def __init__(self, root: Path, shown: dict[Path, str]) -> None:
+    `shown`: folder or file here -> path inside, for reading.
+    """
+
+    def __init__(self, root: Path, shown: dict[Path, str], *, keeps: bool = False) -> None:
         binds = [f"--bind-ro={source}:{target}" for source, target in shown.items()]
         # Without machined and with a network of its own, of which there is the loopback only
-        options = ("--quiet", "--register=no", "--keep-unit", "--private-network", "--volatile=overlay")
+        options = ("--quiet", "--register=no", "--keep-unit", "--private-network")
+        options += () if keeps else ("--volatile=overlay",)
         end = "--kill-signal=SIGRTMIN+3"  # systemd powers off
         self._process = subprocess.Popen(
             ["systemd-nspawn", *options, end, f"--directory={root}", *binds, "--boot"],
@@ -63,6 +68,11 @@ class Container:
 
     def journal(self) -> str:
         return self.ok("journalctl", "--no-pager", "--output=short-monotonic")
+
+    def cut_power(self) -> None:
+        """All processes are gone at once; what they have written stays."""
+        os.kill(self._leader, signal.SIGKILL)
+        self._process.wait(END_S)
 
     def close(self) -> None:
         if self._process.poll() is None:

@@ -6,18 +6,17 @@ import signal
 import time
 from pathlib import Path
 
-from common.messages import STATUS, Operation, Permit
+from common.messages import STATUS, Permit
 from deploy.local.process_table import PROCESSES
-from offboard.command_center.operations import Answer
-from offboard.command_center.software_stop import Demand, Look
 from offboard.simulator.run.options import FLOORS
 from offboard.simulator.run.process import MOTORS_NAME
 from tests.system.center import Center
 from tests.system.conftest import Mesh, until
 from tests.system.motors import MotorLog
+from tests.system.operating import Operator
 
 
-class Robot(Mesh):
+class Robot(Operator, Mesh):
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
         self.motors = MotorLog(folder / MOTORS_NAME)
@@ -62,64 +61,12 @@ class Robot(Mesh):
 
         until(sound, 40.0, "a robot that is whole again")
 
-    def drive(self) -> None:
-        """Until it drives, whatever was before."""
+    def drive(self, deadline_s: float = 60.0) -> None:
         if "planner" not in self.processes or self.processes["planner"].poll() is not None:
             self.run("planner")
         if self.center.node.snapshot().report.button_pressed:
             self.push_button()
-
-        def driving() -> bool:
-            snapshot = self.center.node.snapshot()
-            if snapshot.operation is None or snapshot.operation.answer is not Answer.WAITING:
-                if snapshot.look is Look.LATCHED:
-                    self.center.node.stop_desk.release()
-                self.center.node.operate(Operation.RESUME if snapshot.look is Look.RELEASED else Operation.START)
-            return self.motors.read()[-1].driving
-
-        until(driving, 60.0, "driving")
-
-    def press(self) -> None:
-        """Until it is confirmed."""
-        desk = self.center.node.stop_desk
-        desk.press()
-        until(lambda: desk.control.latency_s is not None, what="the confirmation of the stop")
-
-    def release(self) -> None:
-        desk = self.center.node.stop_desk
-        until(lambda: not desk.hindrance(), what="a stop that may be released")
-        desk.release()
-        until(lambda: desk.control.demand is Demand.NONE and not self.permit.stop_sources, what="the release")
-
-    def operate(self, operation: Operation) -> None:
-        """Until it is taken."""
-        assert self.answer_to(operation) is Answer.TAKEN
-
-    def answer_to(self, operation: Operation) -> Answer:
-        """What came back, or that nothing did."""
-        earlier = self._serial
-        self.center.node.operate(operation)
-        until(lambda: self._serial > earlier and self._answer is not Answer.WAITING, what=f"the answer to {operation}")
-        return self._answer
-
-    @property
-    def _serial(self) -> int:
-        result = self.center.node.snapshot().operation
-        return 0 if result is None else result.serial
-
-    @property
-    def _answer(self) -> Answer:
-        result = self.center.node.snapshot().operation
-        return Answer.WAITING if result is None else result.answer
-
-    def go_on(self) -> None:
-        """A robot that stands, by a release, which moves nothing, and a resume, which does."""
-        stood_s = time.monotonic()
-        self.release()
-        resumed_s = time.monotonic()
-        assert not self.motors.turned(stood_s, resumed_s)
-        self.operate(Operation.RESUME)
-        self.motors.await_driving(resumed_s)
+        super().drive(deadline_s)
 
     def close(self) -> None:
         self.center.close()
