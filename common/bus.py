@@ -89,8 +89,9 @@ class LocalMesh:
         return bus
 
     def deliver(self, topic: Topic[Any], payload: Any, message: RecordedMessage, *, news: bool) -> None:
+        key = topic.key
         for endpoint in self._endpoints:
-            if topic.key in endpoint.recorded_keys:
+            if key in endpoint.recorded_keys:
                 endpoint.recorded.append(message)
             endpoint._receive(topic, payload, news)
 

@@ -12,6 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import msgpack
 
@@ -34,8 +35,7 @@ Known = dict[tuple[str, int], int]  # topic key and boot id -> newest sequence n
 Losses = dict[tuple[str, int], tuple[int, int]]  # topic key and boot id -> from which to which number some were lost
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedMessage:
+class RecordedMessage(NamedTuple):
     """One message as it travelled, with the data of its envelope."""
 
     key: str

@@ -14,6 +14,10 @@ class Stopwatch:
     """Runs from its making on; `enter` says what the time from now on belongs to."""
 
     def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Forgets what was spent so far."""
         self._spent_s: dict[str, float] = defaultdict(float)
         self._account = REST
         self._since_s = time.perf_counter()

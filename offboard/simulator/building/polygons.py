@@ -74,8 +74,8 @@ def contains(ring: Points, points: Points) -> npt.NDArray[np.bool_]:
     return inside
 
 
-def distances_m(segments: FloatArray, x_m: float, y_m: float) -> FloatArray:
-    """(N,) distance of a point to each segment."""
+def distances_m(segments: FloatArray, x_m: float | FloatArray, y_m: float | FloatArray) -> FloatArray:
+    """(N,) distance of a point to each segment; (P, N) of P points, whose coordinates are (P, 1)."""
     dx, dy = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
     px, py = x_m - segments[:, 0], y_m - segments[:, 1]
     along = np.clip((px * dx + py * dy) / np.maximum(dx * dx + dy * dy, 1e-12), 0.0, 1.0)

@@ -11,6 +11,7 @@ from math import atan2, cos, pi, radians, sin
 from typing import Any, Protocol
 
 import mujoco
+import numpy as np
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import FloatArray, Pose2, wrap_angle
@@ -32,6 +33,7 @@ _TRUTH_STEPS = 20
 _PEOPLE_STEPS = 4
 _BUMPER_HALF_ANGLE_RAD = radians(60.0)
 _BATTERY_MV = 12_000
+_UNMEASURED_MAX = 500
 _FAR_BELOW_M = -10.0  # where an absent person is kept
 
 
@@ -85,6 +87,7 @@ class World:
         self.contacts = 0
         self.truth_log: list[tuple[float, float, float, float]] = []  # t_s, x_m, y_m, heading_rad at 10 Hz
         self._clearance_m = float("inf")
+        self._unmeasured: list[tuple[float, float]] = []  # where it was since that was measured
         self._rebuild()
         self._write_inputs()
         self._record_truth()
@@ -108,6 +111,7 @@ class World:
     @property
     def clearance_m(self) -> float:
         """The smallest distance between footprint and wall so far; below zero the footprint was pressed into one."""
+        self._measure_clearance()
         return self._clearance_m
 
     @property
@@ -165,6 +169,7 @@ class World:
 
     def _rebuild(self) -> None:
         """Builds the model of the walls of this moment; the body keeps its state."""
+        self._measure_clearance()
         self._walls = self._events.walls_at(self.floor, self.time_s)
         self.echo_model = EchoModel(self._walls)
         people = [(f"person{i}", person.radius_m) for i, person in enumerate(self._events.people)]
@@ -219,7 +224,7 @@ class World:
             self._bumper = pressed
             self.contacts += pressed
             self.board.bumper(pressed)
-        self._measure_clearance()
+        self._unmeasured.append((x_m, y_m))
 
     def _sample_imu(self) -> None:
         heading_rad, vx_m_s, vy_m_s = self._imu_start
@@ -238,8 +243,13 @@ class World:
     def _record_truth(self) -> None:
         pose = self.truth
         self.truth_log.append((self.time_s, pose.x_m, pose.y_m, pose.heading_rad))
-        self._measure_clearance()
+        self._unmeasured.append((pose.x_m, pose.y_m))
+        if len(self._unmeasured) >= _UNMEASURED_MAX:
+            self._measure_clearance()
 
     def _measure_clearance(self) -> None:
-        clear_m = float(distances_m(self._walls, self._pose[0], self._pose[1]).min()) - FOOTPRINT_RADIUS_M
-        self._clearance_m = min(self._clearance_m, clear_m)
+        if self._unmeasured:
+            at = np.array(self._unmeasured)
+            clear_m = float(distances_m(self._walls, at[:, :1], at[:, 1:]).min()) - FOOTPRINT_RADIUS_M
+            self._clearance_m = min(self._clearance_m, clear_m)
+            self._unmeasured.clear()

@@ -20,25 +20,21 @@ from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand,
 from common.node import Agenda, FileNode, Node
 from offboard.evaluate.run_text import HEADLINE, figures, progress
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
-from offboard.recorder.recorder import Recorder
 from offboard.simulator.camera.camera_frames import CameraFrames
 from offboard.simulator.electronics.avr_board import AvrBoard
 from offboard.simulator.electronics.board import Board, FirmwareBuildError, HostBoard
-from offboard.simulator.electronics.serial_line import HostPort
-from offboard.simulator.physics.world import STEP_S
 from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder, site_section
+from offboard.simulator.run.recorder_apart import RecorderApart
 from offboard.simulator.run.route import RouteDriver
+from offboard.simulator.run.side_workers import SideWorkers, apart, in_thread
 from offboard.simulator.run.simulation import Simulation
 from offboard.simulator.stopwatch import BESIDE, BUS, REST, WORLD, Stopwatch
 from onboard.bridge.bridge import Bridge
 from onboard.comm.comm import Comm
 from onboard.comm.outbox import Outbox
-from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit, carrier_of
-from onboard.planner.grid.deliberation import deferred_deliberator
 from onboard.planner.planner import Planner
-from onboard.poi.poi import Poi, reader_of
-from onboard.poi.signs.reading_job import deferred_reading
+from onboard.poi.poi import Poi
 
 TIME_LIMIT_S = 4 * 3600.0
 RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
@@ -64,30 +60,37 @@ class _Bus(LocalBus):
 class _Slot:
     """A node on the mesh, when it is due and how long its steps took (processor time, as in `common/process.py`)."""
 
-    def __init__(self, node: Node, bus: LocalBus, port: HostPort, stopwatch: Stopwatch) -> None:
-        self.node = node
+    def __init__(self, node: Node, bus: LocalBus, stopwatch: Stopwatch) -> None:
+        self.node, self.bus = node, bus
         self.frozen = False
         self.durations_s: list[float] = []
-        self._bus, self._agenda, self._stopwatch = bus, Agenda(node, 0.0), stopwatch
-        self._has_file, self._port = isinstance(node, FileNode), port
+        self.due_s = -_ROUNDING_S  # unless the bus is woken, or the file has something, before that
+        self.has_file = isinstance(node, FileNode)
+        self._agenda, self._stopwatch = Agenda(node, 0.0), stopwatch
         bus.wake_on(node.wakes_on)
 
+    def look_at_file(self, now_s: float) -> None:
+        """Something has arrived at the node's file."""
+        if self._agenda.fileno() is not None:
+            self._agenda.file_has(now_s)
+            self.due_s = self._agenda.due_s - _ROUNDING_S
+
     def run(self, now_s: float) -> None:
-        agenda = self._agenda
-        if self._bus.woken:
-            agenda.woken = True
-        if self._has_file and self._port.readable and agenda.fileno() is not None:
-            agenda.file_has(now_s)
-        if now_s < agenda.due_s - _ROUNDING_S or self.frozen:
+        """To be called when the bus is woken, and when the node is due."""
+        agenda, bus = self._agenda, self.bus
+        if bus.woken:
+            agenda.woken, bus.woken = True, False
+            self.due_s = agenda.due_s - _ROUNDING_S
+        if now_s < self.due_s or self.frozen:
             return
-        self._bus.woken = False
         agenda.begin_step()
         before = self._stopwatch.enter(self.node.name)
         began_s = time.thread_time()
-        due_s = self.node.step(self._bus, now_s)
+        due_s = self.node.step(bus, now_s)
         self.durations_s.append(time.thread_time() - began_s)
         self._stopwatch.enter(before)
         agenda.stepped(now_s, due_s)
+        self.due_s = agenda.due_s - _ROUNDING_S
 
 
 class Lockstep:
@@ -101,22 +104,31 @@ class Lockstep:
         self.stopwatch = stopwatch = simulation.stopwatch
         self.mesh = LocalMesh(seed, partial(_Bus, stopwatch))
         self.operator = self.mesh.endpoint("command_center")
-        self.slots = [_Slot(node, self.mesh.endpoint(node.name), simulation.port, stopwatch) for node in nodes]
+        self.slots = [_Slot(node, self.mesh.endpoint(node.name), stopwatch) for node in nodes]
+        self._with_file = [slot for slot in self.slots if slot.has_file]
 
     @property
     def now_s(self) -> float:
         return self.simulation.world.time_s
 
-    def advance(self) -> None:
-        """One step of the world, STEP_S, then of every node that is due."""
-        self.simulation.advance(self.now_s + STEP_S)
-        now_s = self.now_s
-        self.mesh.now_s = now_s
+    def advance(self) -> bool:
+        """One step of the world, STEP_S, then of every node that is due. Returns whether there was one."""
+        simulation = self.simulation
+        simulation.step()
+        self.mesh.now_s = now_s = simulation.world.time_s
+        if simulation.port.readable:
+            for slot in self._with_file:
+                slot.look_at_file(now_s)
+        stepped = False
         for slot in self.slots:
-            slot.run(now_s)
-        self.stopwatch.enter(BESIDE)
-        self._beside()
-        self.stopwatch.enter(REST)
+            if now_s >= slot.due_s or slot.bus.woken:
+                stepped = True
+                slot.run(now_s)
+        if stepped:
+            self.stopwatch.enter(BESIDE)
+            self._beside()
+            self.stopwatch.enter(REST)
+        return stepped
 
     def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
         """Advance until the condition holds (True) or so much simulated time is over (False)."""
@@ -139,9 +151,15 @@ def _board(build_of: str) -> Board:
         raise StartError(str(error)) from error
 
 
-def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
-    """The whole robot in its building, powered on; raises StartError."""
+def build(
+    options: RunOptions,
+    recorder: Node | None = None,
+    beside: SideWorkers | None = None,
+    stopwatch: Stopwatch | None = None,
+) -> Lockstep:
+    """The whole robot in its building, powered on; raises StartError. `beside`: in this thread where not given."""
     floor, events = load_world(options)
+    workers = beside or in_thread()
     simulation = Simulation(
         floor,
         _board(options.board),
@@ -150,17 +168,17 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
         errors=options.errors,
         camera=options.camera,
         events=events,
+        stopwatch=stopwatch,
     )
     config = Config(poi=site_section(options))
     # Without a recorder nobody would ever acknowledge its messages
     outbox = None if recorder is None else Outbox(None, config.comm.outbox_limit_mb * 1_000_000, new_id=options.seed)
     if simulation.camera is not None:
         config = with_camera(config)
-    back_end, deliberator = deferred_back_end(), deferred_deliberator()
     nodes: list[Node] = [
         Bridge(lambda: simulation.port),
-        MappingUnit(back_end, carrier_of(config)),
-        Planner(deliberator, config.has_camera)
+        MappingUnit(workers.back_end, carrier_of(config)),
+        Planner(workers.deliberator, config.has_camera)
         if options.route is None
         else RouteDriver(floor, lambda: simulation.world.truth),
         Comm(config.comm, outbox=outbox),
@@ -168,21 +186,18 @@ def build(options: RunOptions, recorder: Recorder | None = None) -> Lockstep:
     if recorder is not None:
         nodes.append(recorder)
     if simulation.camera is not None:
-        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), deferred_reading(lambda: reader_of(config.poi))))
-
-    def beside() -> None:
-        back_end.work()
-        deliberator.work()
-
-    return Lockstep(simulation, nodes, options.seed, beside)
+        nodes.append(Poi(config.poi, CameraFrames(simulation.camera), workers.reading(config.poi)))
+    return Lockstep(simulation, nodes, options.seed, workers.work)
 
 
 def simulate(options: RunOptions) -> int:
     """A whole mission; prints its progress, writes the run folder. Exit code 0 when the mission was finished."""
     folder = prepare_folder(options)
-    recorder = Recorder(folder)
-    robot = build(options, recorder)
+    stopwatch = Stopwatch()
+    recorder = RecorderApart(folder, stopwatch)
+    robot = build(options, recorder, apart(stopwatch), stopwatch)
     keep_what_is_there()
+    stopwatch.restart()
     began_s = time.monotonic()
     try:
         view = _mission(robot, began_s)

@@ -44,6 +44,7 @@ class Simulation:
         camera: str = "off",
         events: Events | None = None,
         pty_link: Path | None = None,
+        stopwatch: Stopwatch | None = None,
     ) -> None:
         """`errors`: a name in errors.PROFILES; `camera`: one of options.CAMERAS. `pty_link` puts the serial
         line behind a pseudo-terminal of that name; else `port` is its host end. `camera` stays None where no OpenGL
@@ -57,7 +58,7 @@ class Simulation:
         self.port = HostPort(line)
         scenery = None if camera == "off" else build_scenery(floor, camera, seed)
         self.camera: Camera | None = None
-        self.stopwatch = Stopwatch()
+        self.stopwatch = stopwatch or Stopwatch()
         self.world = World(floor, start_index, seed, profile, board, self._pty or line, events, scenery, self.stopwatch)
         if camera != "off":
             self._open_camera(camera)
@@ -72,7 +73,11 @@ class Simulation:
         """Steps the world until its time has reached `until_s`."""
         steps = int((until_s - self.world.time_s + _ROUNDING_S) / STEP_S)
         for _ in range(steps):
-            self.world.step()
+            self.step()
+
+    def step(self) -> None:
+        """One step of the world."""
+        self.world.step()
         self.stopwatch.enter(REST)
 
     def write_truth(self, run_dir: Path) -> None:

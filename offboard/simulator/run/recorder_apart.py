@@ -1,0 +1,111 @@
+"""The recorder of a run in lockstep, in a process of its own (`awaited_work`): it decodes and stores what the robot
+publishes while the robot goes on.
+
+What it publishes reaches the mesh after a fixed simulated time, which stands for the Wi-Fi and the laptop's disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from common.bus import Bus, LocalBus, LocalMesh, P
+from common.messages import LAPTOP_RECORDED, OUTBOX, OutboxPiece, Topic
+from common.recording import RecordedMessage
+from offboard.recorder.recorder import Recorder
+from offboard.recorder.run_opening import OF_COMM
+from offboard.runs.run_schema import TOPIC_OF_KEY
+from offboard.simulator.run.awaited_work import AwaitedWorker
+from offboard.simulator.stopwatch import Stopwatch
+
+# Less than the outbox waits before it sends again, together with the steps on the way
+LATENCY_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Arrivals:
+    """What reached the recorder until a step; None for the step: it is to close the run."""
+
+    now_s: float | None
+    pieces: list[OutboxPiece] = field(default_factory=list)
+    recorded: list[RecordedMessage] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Departures:
+    """What the recorder published in that step: topic key, payload, whether it is news."""
+
+    published: list[tuple[str, Any, bool]]
+    finished: bool
+
+
+class RecorderApart:
+    """The node in the lockstep; the recorder itself is on the other side."""
+
+    name = Recorder.name
+    period_s = Recorder.period_s
+    wakes_on = Recorder.wakes_on
+
+    def __init__(self, run_dir: Path, stopwatch: Stopwatch) -> None:
+        self.finished = False  # as `Recorder.finished`
+        self._worker: AwaitedWorker[Arrivals, Departures] = AwaitedWorker(
+            stopwatch, LATENCY_S, f"{__name__}:load", str(run_dir)
+        )
+        self._records = False
+
+    def step(self, bus: Bus, now_s: float) -> None:
+        if not self._records:
+            self._records = True
+            bus.record((*LAPTOP_RECORDED, *OF_COMM), {})
+        self._worker.begin(Arrivals(now_s, bus.take(OUTBOX), bus.take_recorded()), now_s)
+        while (outcome := self._worker.result(now_s)) is not None:
+            departures = outcome.value
+            assert departures is not None
+            self.finished = departures.finished
+            for key, payload, news in departures.published:
+                bus.publish(TOPIC_OF_KEY[key], payload, news=news)
+
+    def close(self) -> None:
+        """The run is on the disk, pictures included."""
+        self._worker.begin(Arrivals(None), 0.0)
+        while self._worker.busy:
+            self._worker.result(float("inf"))
+        self._worker.close()
+
+
+class _FarBus(LocalBus):
+    """The recorder's bus; what it publishes is kept for the way back."""
+
+    def __init__(self, mesh: LocalMesh, name: str, boot_id: int) -> None:
+        super().__init__(mesh, name, boot_id)
+        self.published: list[tuple[str, Any, bool]] = []
+
+    def publish(self, topic: Topic[P], payload: P, *, news: bool = True) -> None:
+        self.published.append((topic.key, payload, news))
+
+    def arrive(self, arrivals: Arrivals) -> None:
+        for piece in arrivals.pieces:
+            self._receive(OUTBOX, piece, True)
+        if self.recorded_keys:
+            self.recorded += arrivals.recorded
+
+
+def load(run_dir: str) -> Callable[[Arrivals], Departures]:
+    """What the process does with what arrives."""
+    mesh = LocalMesh(bus=_FarBus)
+    bus, recorder = mesh.endpoint(Recorder.name), Recorder(Path(run_dir))
+    assert isinstance(bus, _FarBus)
+
+    def work(arrivals: Arrivals) -> Departures:
+        if arrivals.now_s is None:
+            recorder.close()
+        else:
+            mesh.now_s = arrivals.now_s
+            bus.arrive(arrivals)
+            recorder.step(bus, arrivals.now_s)
+        published, bus.published = bus.published, []
+        return Departures(published, recorder.finished)
+
+    return work

@@ -1,0 +1,100 @@
+"""What works beside the nodes of a run in lockstep: in their thread between two steps, or in processes of its own.
+
+Either way an outcome comes after the same simulated time, and the run is the same to the bit.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from common.config import Config, PoiSection, with_camera
+from common.side_work import JobOutcome
+from offboard.simulator.run.awaited_work import AwaitedWorker
+from offboard.simulator.stopwatch import Stopwatch
+from onboard.mmu.back_end import map_builder
+from onboard.mmu.back_end.back_end_link import BackEndWorker
+from onboard.planner.grid import deliberation
+from onboard.planner.grid.deliberation import Deliberator
+from onboard.poi.poi import reader_of
+from onboard.poi.signs import reading_job
+from onboard.poi.signs.reading_job import Finding, Job, Reading, ReadingWorker
+
+_BACK_END = "onboard.mmu.back_end.back_end_process:load"
+
+
+@dataclass(frozen=True, slots=True)
+class SideWorkers:
+    """Of one run. `work` does what waits, where that is in the thread of the nodes."""
+
+    back_end: BackEndWorker
+    deliberator: Deliberator
+    reading: Callable[[PoiSection], ReadingWorker]  # loads the models: only for a robot with a camera
+    work: Callable[[], None] = lambda: None
+
+
+def in_thread() -> SideWorkers:
+    """No step of a node contains the work of back end and deliberator."""
+    back_end, deliberator = map_builder.deferred_back_end(), deliberation.deferred_deliberator()
+
+    def work() -> None:
+        back_end.work()
+        deliberator.work()
+
+    return SideWorkers(
+        back_end, deliberator, lambda section: reading_job.deferred_reading(lambda: reader_of(section)), work
+    )
+
+
+def apart(stopwatch: Stopwatch) -> SideWorkers:
+    """On another core, while the nodes go on."""
+    return SideWorkers(
+        AwaitedWorker(stopwatch, map_builder.LATENCY_S, _BACK_END),
+        AwaitedWorker(stopwatch, deliberation.LATENCY_S, deliberation.BESIDE),
+        lambda _: _ReadingApart(stopwatch),
+    )
+
+
+class _ReadingApart:
+    """The frame of a job goes there, and stays here for what comes back."""
+
+    ready = True
+
+    def __init__(self, stopwatch: Stopwatch) -> None:
+        self._worker: AwaitedWorker[Job, tuple[Finding, ...]] = AwaitedWorker(
+            stopwatch, reading_job.LATENCY_S, f"{__name__}:load_reading"
+        )
+        self._jobs: deque[Job] = deque()
+
+    @property
+    def pending(self) -> int:
+        return self._worker.pending
+
+    @property
+    def busy(self) -> bool:
+        return self._worker.busy
+
+    def begin(self, job: Job, now_s: float) -> None:
+        self._jobs.append(job)
+        self._worker.begin(job, now_s)
+
+    def result(self, now_s: float) -> JobOutcome[Reading] | None:
+        return self._of_job(self._worker.result(now_s))
+
+    def due_s(self, now_s: float) -> float:
+        return self._worker.due_s(now_s)
+
+    def close(self) -> JobOutcome[Reading] | None:
+        return self._of_job(self._worker.close())
+
+    def _of_job(self, outcome: JobOutcome[tuple[Finding, ...]] | None) -> JobOutcome[Reading] | None:
+        if outcome is None or outcome.value is None:
+            return None
+        return JobOutcome(Reading(self._jobs.popleft(), outcome.value))
+
+
+def load_reading() -> Callable[[Job], tuple[Finding, ...]]:
+    """What the process of the readings loads."""
+    read = reader_of(with_camera(Config()).poi)
+    return lambda job: read(job).findings
