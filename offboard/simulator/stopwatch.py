@@ -30,6 +30,11 @@ class Stopwatch:
         self._account, self._since_s = account, now_s
         return before
 
+    def move(self, account: str, other: str, seconds: float) -> None:
+        """Part of what was spent on an account belongs to another."""
+        self._spent_s[account] -= seconds
+        self._spent_s[other] += seconds
+
     def spent_s(self) -> Mapping[str, float]:
         """Wall time by account so far, the open one included."""
         self.enter(self._account)

@@ -89,7 +89,7 @@ ROOMS = {
     "deploy": (".", "verbs", "bench", "service", "boards", "local"),
     "onboard/poi": (".", "doors", "signs", "placement", "camera"),
     "offboard/simulator": (
-        *(".", "run", "camera", "physics", "sensors", "electronics", "building"),
+        *(".", "run", "camera", "physics", "sensors", "native", "electronics", "building"),
         *("error_profiles", "stopwatch"),  # modules: every room draws its errors from it, and is on its accounts
     ),
     "offboard": (

@@ -158,6 +158,13 @@ class NativeBoard:
         self._out: Any = self._call["outputs"](board).contents
         self._tx_address = ctypes.addressof(self._out) + type(self._out).tx.offset
 
+    def addresses(self) -> dict[str, int | None]:
+        """Of handle and functions, and of what the firmware puts out: for a caller in C (`native/body.h`)."""
+        outputs, tx_length = ctypes.addressof(self._out), type(self._out).tx_length.offset
+        functions = {"run": self._run, "imu": self._imu}
+        calls = {name: ctypes.cast(function, ctypes.c_void_p).value for name, function in functions.items()}
+        return {"board": self._board, **calls, "outputs": outputs, "tx_length": outputs + tx_length}
+
     def run(self, until_us: int) -> None:
         self._run(self._board, until_us, self._left, self._right)
         self._left = self._right = 0

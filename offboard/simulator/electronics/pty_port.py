@@ -34,6 +34,11 @@ class PtyPort:
         """What the bridge opens."""
         return self._link or self.device
 
+    @property
+    def idle(self) -> bool:
+        """Never known: the host may have written to the device."""
+        return False
+
     def exchange(self, board: Board, now_s: float) -> None:
         """Like SerialLine.exchange, with the bytes of the device."""
         with contextlib.suppress(BlockingIOError):

@@ -48,6 +48,11 @@ class SerialLine:
         self._to_board.put(data)
 
     @property
+    def idle(self) -> bool:
+        """Nothing is on its way, and nothing will happen until a byte is: steps may pass without `exchange`."""
+        return self._to_board.idle and self._to_host.idle and self._next_stall_s == inf
+
+    @property
     def readable(self) -> bool:
         """Something has reached the host."""
         return bool(self._arrived)
@@ -73,6 +78,10 @@ class _Wire:
         self._rng = rng
         self._error_log = log(1.0 - bit_error_rate) if bit_error_rate > 0.0 else 0.0
         self._bits_to_error = self._draw()
+
+    @property
+    def idle(self) -> bool:
+        return not self._waiting and self._credit_bytes == 0.0
 
     def put(self, data: bytes) -> None:
         self._waiting += data

@@ -7,7 +7,7 @@ board, then runs the firmware: one `step()` is 5 ms. The true pose stays here: n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, cos, pi, radians, sin
+from math import atan2, cos, radians, sin
 from typing import Any, Protocol
 
 import mujoco
@@ -20,11 +20,12 @@ from offboard.simulator.building.floor import Floor, FloorError
 from offboard.simulator.building.polygons import distances_m
 from offboard.simulator.electronics.board import Board, ResetCause
 from offboard.simulator.error_profiles import ErrorProfile, draw_run_errors, random_stream
+from offboard.simulator.physics.body import Body
 from offboard.simulator.physics.drive_train import DriveTrain
 from offboard.simulator.physics.mujoco_model import Scenery, build_model
 from offboard.simulator.sensors.imu import Imu
 from offboard.simulator.sensors.sonar import Circle, EchoModel, SonarBank
-from offboard.simulator.stopwatch import FIRMWARE, IMU, PHYSICS, SONARS, Stopwatch
+from offboard.simulator.stopwatch import FIRMWARE, PHYSICS, SONARS, Stopwatch
 
 STEP_S = 0.005
 _STEP_US = 5000
@@ -39,6 +40,10 @@ _FAR_BELOW_M = -10.0  # where an absent person is kept
 
 class Line(Protocol):
     """A serial line that carries bytes between the board's UART and the bridge."""
+
+    @property
+    def idle(self) -> bool:
+        """Until the board sends something `exchange` changes nothing."""
 
     def exchange(self, board: Board, now_s: float) -> None:
         """Moves the bytes of one step, in both directions."""
@@ -72,23 +77,20 @@ class World:
         self.stopwatch = stopwatch or Stopwatch()
         errors = draw_run_errors(profile, seed)
         self.errors = errors
-        self._drive_train = DriveTrain(errors, random_stream(seed, "slip"), STEP_S)
-        self._imu = Imu(errors, random_stream(seed, "gyro"), _IMU_STEPS * STEP_S)
+        start = floor.starts[start_index]
+        self._imu = Imu(errors, random_stream(seed, "gyro"), _IMU_STEPS * STEP_S, start.heading_rad)
+        drive_train = DriveTrain(errors, random_stream(seed, "slip"), STEP_S)
+        self._body = Body(drive_train, self._imu, board, _STEP_US, _IMU_STEPS)
         self._sonars = SonarBank(profile, random_stream(seed, "sonar"))
         self._steps = 0
-        self._power_on_us = 0  # of the board, on the world's clock
         self.people: list[Circle] = []
         self._changes_s = self._events.change_times_s()
-        start = floor.starts[start_index]
-        self._pose = (start.x_m, start.y_m, start.heading_rad)
-        self._velocity = (0.0, 0.0, 0.0)  # world x and y, yaw rate
-        self._imu_start = (start.heading_rad, 0.0, 0.0)  # heading, world velocity at the last sample
         self._bumper = self._stop_button = False
         self.contacts = 0
         self.truth_log: list[tuple[float, float, float, float]] = []  # t_s, x_m, y_m, heading_rad at 10 Hz
         self._clearance_m = float("inf")
         self._unmeasured: list[tuple[float, float]] = []  # where it was since that was measured
-        self._rebuild()
+        self._rebuild(0.0, (start.x_m, start.y_m, start.heading_rad), (0.0, 0.0, 0.0))
         self._write_inputs()
         self._record_truth()
 
@@ -100,13 +102,15 @@ class World:
     @property
     def truth(self) -> Pose2:
         """The true pose of the robot in the floor's frame."""
-        return Pose2(self._pose[0], self._pose[1], wrap_angle(self._pose[2]))
+        x_m, y_m, heading_rad = self._qpos.tolist()
+        return Pose2(x_m, y_m, wrap_angle(heading_rad))
 
     @property
     def true_motion(self) -> tuple[float, float]:
         """True speed along the heading (m/s) and yaw rate (rad/s): what blurs a picture."""
-        heading_rad = self._pose[2]
-        return cos(heading_rad) * self._velocity[0] + sin(heading_rad) * self._velocity[1], self._velocity[2]
+        heading_rad = float(self._qpos[2])
+        vx_m_s, vy_m_s, yaw_rate_rad_s = self._qvel.tolist()
+        return cos(heading_rad) * vx_m_s + sin(heading_rad) * vy_m_s, yaw_rate_rad_s
 
     @property
     def clearance_m(self) -> float:
@@ -121,38 +125,53 @@ class World:
 
     def step(self) -> None:
         """5 ms of world and firmware."""
-        enter, board = self.stopwatch.enter, self.board
-        enter(PHYSICS)
-        self._steps = steps = self._steps + 1
-        time_s = steps * STEP_S
-        if self._changes_s and self._changes_s[0] <= time_s:
-            self._changes_s = [t for t in self._changes_s if t > time_s]
-            self._rebuild()
-        if self._events.people and steps % _PEOPLE_STEPS == 0:
-            self._move_people()
-        self._move_body()
-        left, right = self._drive_train.edges()
-        if left or right:
-            board.encoder_edges(left, right)
-        if steps % _TRUTH_STEPS == 0:
+        self.run(1)
+
+    def run(self, count: int) -> int:
+        """Up to `count` steps, fewer where bytes are on their way or something else happens; returns how many."""
+        self.stopwatch.enter(PHYSICS)
+        begins_s = (self._steps + 1) * STEP_S
+        if self._changes_s and self._changes_s[0] <= begins_s:
+            self._changes_s = [t for t in self._changes_s if t > begins_s]
+            self._rebuild(begins_s, self._qpos.tolist(), self._qvel.tolist())
+        if self._events.people and (self._steps + 1) % _PEOPLE_STEPS == 0:
+            self._move_people(begins_s)
+        turn_rad_s = self._events.hand_turn_rate_rad_s(begins_s) if self._events.turns else 0.0
+        done = self._body.run(min(count, self._undisturbed_steps()), self._bumper, turn_rad_s)
+        self._steps += done
+        state = self._body.state
+        if state.touched or self._bumper:
+            self._touch()
+            self._body.run_board()
+        if self._steps % _TRUTH_STEPS == 0:
             self._record_truth()
-        if steps % _IMU_STEPS == 0:
-            enter(IMU)
-            self._sample_imu()
-        enter(FIRMWARE)
-        board.run(steps * _STEP_US - self._power_on_us)
-        fired = board.fired()
+        fired = self.board.fired()
         if fired:
-            enter(SONARS)
+            self.stopwatch.enter(SONARS)
             self._ping(fired)
-            enter(FIRMWARE)
         if self._line is not None:
-            self._line.exchange(board, time_s)
+            self.stopwatch.enter(FIRMWARE)
+            self._line.exchange(self.board, self.time_s)
+        return done
+
+    def _undisturbed_steps(self) -> int:
+        """So many can be made in one go, as far as time and line decide."""
+        if self._events.turns or (self._line is not None and not self._line.idle):
+            return 1
+        steps = _TRUTH_STEPS - self._steps % _TRUTH_STEPS
+        if self._events.people:
+            steps = min(steps, _PEOPLE_STEPS - (self._steps + 1) % _PEOPLE_STEPS)
+        changes = self._changes_s and self._changes_s[0] <= (self._steps + steps) * STEP_S
+        return 1 if changes else steps
+
+    def book_time(self) -> None:
+        """Sees to it that the accounts of the stopwatch are right."""
+        self._body.book(self.stopwatch)
 
     def reset_board(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
         """The board restarts here and now: its clock begins at 0, and echoes that have not arrived yet are lost."""
         self.board.reset(cause)
-        self._power_on_us = self._steps * _STEP_US
+        self._body.board_restarted()
         self._write_inputs()
 
     def push_stop_button(self) -> None:
@@ -165,12 +184,13 @@ class World:
         self.board.bumper(self._bumper)
         self.board.cliff(False, False)
         self.board.stop_button(self._stop_button)
-        self._sample_imu()
+        vx_m_s, vy_m_s, _ = self._qvel.tolist()
+        self.board.imu(*self._imu.sample(float(self._qpos[2]), vx_m_s, vy_m_s))
 
-    def _rebuild(self) -> None:
+    def _rebuild(self, time_s: float, pose: Sequence[float], velocity: Sequence[float]) -> None:
         """Builds the model of the walls of this moment; the body keeps its state."""
         self._measure_clearance()
-        self._walls = self._events.walls_at(self.floor, self.time_s)
+        self._walls = self._events.walls_at(self.floor, time_s)
         self.echo_model = EchoModel(self._walls)
         people = [(f"person{i}", person.radius_m) for i, person in enumerate(self._events.people)]
         self.model: Any = build_model(
@@ -178,44 +198,30 @@ class World:
             self.floor.wall_colour_rgb,
             people,
             self._scenery,
-            self._events.open_doors(self.time_s),
+            self._events.open_doors(time_s),
             STEP_S,
         )
         self.data: Any = mujoco.MjData(self.model)
-        self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
-        self._qpos[:] = self._pose
-        self._qvel[:] = self._velocity
+        self._qpos, self._qvel = self.data.qpos, self.data.qvel
+        self._qpos[:] = pose
+        self._qvel[:] = velocity
         mujoco.mj_forward(self.model, self.data)
-        self._move_people()
+        self._body.set_model(self.model, self.data)
+        self._move_people(time_s)
 
-    def _move_people(self) -> None:
+    def _move_people(self, time_s: float) -> None:
         self.people = []
         for i, person in enumerate(self._events.people):
-            at = person.position(self.time_s)
+            at = person.position(time_s)
             if at is None:
                 self.data.mocap_pos[i] = (0.0, 0.0, _FAR_BELOW_M)
             else:
                 self.data.mocap_pos[i] = (*at, 0.0)
                 self.people.append((*at, person.radius_m))
 
-    def _move_body(self) -> None:
-        speed_m_s, yaw_rate_rad_s = self._drive_train.step(*self.board.outputs())
-        if self._events.turns:
-            yaw_rate_rad_s += self._events.hand_turn_rate_rad_s(self.time_s)
-        middle_rad = self._pose[2] + 0.5 * yaw_rate_rad_s * STEP_S
-        ctrl = self._ctrl
-        ctrl[0] = speed_m_s * cos(middle_rad)
-        ctrl[1] = speed_m_s * sin(middle_rad)
-        ctrl[2] = yaw_rate_rad_s
-        mujoco.mj_step(self.model, self.data)
-        self._pose = tuple(self._qpos.tolist())
-        self._velocity = tuple(self._qvel.tolist())
-        if self._bumper or self.data.ncon:
-            self._touch()
-
     def _touch(self) -> None:
         """Presses the bumper, a bow over the front of the robot, by the contacts of this step."""
-        x_m, y_m, heading_rad = self._pose
+        x_m, y_m, heading_rad = self._qpos.tolist()
         pressed = False
         for contact in self.data.contact[: self.data.ncon]:
             bearing_rad = atan2(contact.pos[1] - y_m, contact.pos[0] - x_m) - heading_rad
@@ -226,18 +232,8 @@ class World:
             self.board.bumper(pressed)
         self._unmeasured.append((x_m, y_m))
 
-    def _sample_imu(self) -> None:
-        heading_rad, vx_m_s, vy_m_s = self._imu_start
-        period_s = _IMU_STEPS * STEP_S
-        turned_rad = (self._pose[2] - heading_rad + pi) % (2.0 * pi) - pi
-        ax_m_s2 = (self._velocity[0] - vx_m_s) / period_s
-        ay_m_s2 = (self._velocity[1] - vy_m_s) / period_s
-        c, s = cos(self._pose[2]), sin(self._pose[2])
-        self.board.imu(*self._imu.sample(turned_rad / period_s, c * ax_m_s2 + s * ay_m_s2, c * ay_m_s2 - s * ax_m_s2))
-        self._imu_start = (self._pose[2], self._velocity[0], self._velocity[1])
-
     def _ping(self, fired: Sequence[int]) -> None:
-        for sonar, width_us in self._sonars.ping(self.echo_model, self._pose, fired, self.people):
+        for sonar, width_us in self._sonars.ping(self.echo_model, self._qpos.tolist(), fired, self.people):
             self.board.echo(sonar, width_us)
 
     def _record_truth(self) -> None:

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
+from math import ceil, floor
 from typing import TypeVar
 
 from common.bus import LocalBus, LocalMesh
@@ -23,6 +24,7 @@ from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.simulator.camera.camera_frames import CameraFrames
 from offboard.simulator.electronics.avr_board import AvrBoard
 from offboard.simulator.electronics.board import Board, FirmwareBuildError, HostBoard
+from offboard.simulator.physics.world import STEP_S
 from offboard.simulator.run.options import RunOptions, floor_json, load_world, prepare_folder, site_section
 from offboard.simulator.run.recorder_apart import RecorderApart
 from offboard.simulator.run.route import RouteDriver
@@ -111,10 +113,13 @@ class Lockstep:
     def now_s(self) -> float:
         return self.simulation.world.time_s
 
-    def advance(self) -> bool:
-        """One step of the world, STEP_S, then of every node that is due. Returns whether there was one."""
+    def advance(self, count: int = 1) -> bool:
+        """One step of the world, STEP_S, or up to `count` while no node is due; then of every node that is due.
+
+        Returns whether a node was due.
+        """
         simulation = self.simulation
-        simulation.step()
+        simulation.run(1 if count == 1 else min(count, self._steps_to_next()))
         self.mesh.now_s = now_s = simulation.world.time_s
         if simulation.port.readable:
             for slot in self._with_file:
@@ -130,12 +135,33 @@ class Lockstep:
             self.stopwatch.enter(REST)
         return stepped
 
+    def _steps_to_next(self) -> int:
+        """How many steps of the world until a node is due, as far as is known; at least one."""
+        due_s = min([slot.due_s for slot in self.slots])
+        if any(slot.bus.woken for slot in self.slots):
+            return 1
+        return max(1, ceil((due_s - self.now_s) / STEP_S))
+
     def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
-        """Advance until the condition holds (True) or so much simulated time is over (False)."""
+        """Advance until the condition holds (True) or so much simulated time is over (False).
+
+        The condition is looked at after every step of the world.
+        """
         while not condition():
             if self.now_s > limit_s:
                 return False
             self.advance()
+        return True
+
+    def run_nodes_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
+        """As `run_until`; the condition is looked at after every step of a node, and depends on messages only."""
+        while not condition():
+            stepped = False
+            while not stepped:
+                left = floor((limit_s - self.now_s) / STEP_S) + 1
+                if left <= 0:
+                    return False
+                stepped = self.advance(left)
         return True
 
     def close(self) -> None:
@@ -201,7 +227,7 @@ def simulate(options: RunOptions) -> int:
     began_s = time.monotonic()
     try:
         view = _mission(robot, began_s)
-        robot.run_until(lambda: recorder.finished, robot.now_s + RECORD_LIMIT_S)
+        robot.run_nodes_until(lambda: recorder.finished, robot.now_s + RECORD_LIMIT_S)
     finally:
         robot.close()
     outcome = view.outcome if view is not None else Outcome.NONE
@@ -230,7 +256,7 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
         newest = permit.latest(PERMIT)
         return newest is not None and newest.granted
 
-    if not robot.run_until(granted, limit_s=60.0):
+    if not robot.run_nodes_until(granted, limit_s=60.0):
         return None
     robot.operator.publish(OPERATION, OperatorCommand(robot.now_s, Operation.START))
     printed_s = began_s
@@ -244,12 +270,13 @@ def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:
             _print(f"{progress(robot.now_s, view, permit.latest(PERMIT))}, {pace:.0f} times real time")
         return view is not None and view.outcome.ends_mission
 
-    robot.run_until(finished, TIME_LIMIT_S)
-    robot.run_until(lambda: False, robot.now_s + 0.3)
+    robot.run_nodes_until(finished, TIME_LIMIT_S)
+    robot.run_nodes_until(lambda: False, robot.now_s + 0.3)
     return robot.operator.latest(PLAN)
 
 
 def _closing_line(summary: dict[str, object], robot: Lockstep, folder: object) -> str:
+    robot.simulation.world.book_time()
     measured = ", ".join(figures(summary, (*HEADLINE, "ratio")))
     wall_s = summary["wall_time_s"]
     assert isinstance(wall_s, float)

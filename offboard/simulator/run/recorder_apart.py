@@ -6,8 +6,10 @@ What it publishes reaches the mesh after a fixed simulated time, which stands fo
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +22,10 @@ from offboard.runs.run_schema import TOPIC_OF_KEY
 from offboard.simulator.run.awaited_work import AwaitedWorker
 from offboard.simulator.stopwatch import Stopwatch
 
-# Less than the outbox waits before it sends again, together with the steps on the way
-LATENCY_S = 0.2
+# Of a step's messages there and back. Less than the outbox waits before it sends again, with all steps on the way
+DELAY_STEPS = 4
+_TOGETHER = 2  # steps whose messages go there together: each way costs more than what it carries
+_LATENCY_S = (DELAY_STEPS - _TOGETHER + 1) * Recorder.period_s - 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,29 +54,43 @@ class RecorderApart:
 
     def __init__(self, run_dir: Path, stopwatch: Stopwatch) -> None:
         self.finished = False  # as `Recorder.finished`
-        self._worker: AwaitedWorker[Arrivals, Departures] = AwaitedWorker(
-            stopwatch, LATENCY_S, f"{__name__}:load", str(run_dir)
+        self._worker: AwaitedWorker[list[Arrivals], list[Departures]] = AwaitedWorker(
+            stopwatch, _LATENCY_S, f"{__name__}:load", str(run_dir)
         )
         self._records = False
+        self._there: list[Arrivals] = []
+        self._back: deque[Departures] = deque()
 
     def step(self, bus: Bus, now_s: float) -> None:
         if not self._records:
             self._records = True
             bus.record((*LAPTOP_RECORDED, *OF_COMM), {})
-        self._worker.begin(Arrivals(now_s, bus.take(OUTBOX), bus.take_recorded()), now_s)
-        while (outcome := self._worker.result(now_s)) is not None:
-            departures = outcome.value
-            assert departures is not None
+        self._there.append(Arrivals(now_s, bus.take(OUTBOX), bus.take_recorded()))
+        if len(self._there) == _TOGETHER:
+            self._send(now_s)
+        self._receive(now_s)
+        if self._back:
+            departures = self._back.popleft()
             self.finished = departures.finished
             for key, payload, news in departures.published:
                 bus.publish(TOPIC_OF_KEY[key], payload, news=news)
 
     def close(self) -> None:
         """The run is on the disk, pictures included."""
-        self._worker.begin(Arrivals(None), 0.0)
+        self._there.append(Arrivals(None))
+        self._send(0.0)
         while self._worker.busy:
-            self._worker.result(float("inf"))
+            self._receive(inf)
         self._worker.close()
+
+    def _send(self, now_s: float) -> None:
+        self._worker.begin(self._there, now_s)
+        self._there = []
+
+    def _receive(self, now_s: float) -> None:
+        outcome = self._worker.result(now_s)
+        if outcome is not None and outcome.value is not None:
+            self._back += outcome.value
 
 
 class _FarBus(LocalBus):
@@ -92,13 +110,13 @@ class _FarBus(LocalBus):
             self.recorded += arrivals.recorded
 
 
-def load(run_dir: str) -> Callable[[Arrivals], Departures]:
+def load(run_dir: str) -> Callable[[list[Arrivals]], list[Departures]]:
     """What the process does with what arrives."""
     mesh = LocalMesh(bus=_FarBus)
     bus, recorder = mesh.endpoint(Recorder.name), Recorder(Path(run_dir))
     assert isinstance(bus, _FarBus)
 
-    def work(arrivals: Arrivals) -> Departures:
+    def step(arrivals: Arrivals) -> Departures:
         if arrivals.now_s is None:
             recorder.close()
         else:
@@ -108,4 +126,4 @@ def load(run_dir: str) -> Callable[[Arrivals], Departures]:
         published, bus.published = bus.published, []
         return Departures(published, recorder.finished)
 
-    return work
+    return lambda steps: [step(arrivals) for arrivals in steps]

@@ -228,7 +228,7 @@ class SonarBank:
     def ping(
         self,
         model: EchoModel,
-        pose: tuple[float, float, float],
+        pose: Sequence[float],
         fired: Sequence[int],
         people: Sequence[Circle] = (),
     ) -> list[tuple[int, int]]:
