@@ -2,62 +2,56 @@
 
 The outcome of a job comes after a fixed simulated time and is waited for then, so a run repeats to the bit, whichever
 of the two is faster: the same run as with a `DeferredWorker`, which does the work in the thread of the nodes.
-
-    python -m offboard.simulator.run.awaited_work DESCRIPTOR MODULE:FUNCTION [ARGUMENT...]
-
-The function takes the arguments and returns what does a job (as those of `common.side_process`).
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import pickle
 import queue
 import signal
-import socket
-import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from importlib import import_module
 from math import inf
 from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
-from common.environment import PROCESS_ENVIRONMENT
 from common.errors import StartError
-from common.memory import keep_what_is_there
-from common.side_work import JobOutcome
+from common.side_work import JobOutcome, Work
 from offboard.simulator.stopwatch import BESIDE, Stopwatch
 
 J = TypeVar("J")
 R = TypeVar("R")
 
+_END = b""  # in place of a job
 _END_S = 2.0  # for a process that has nothing to do any more
+# What a run needs is loaded by then; a program that begins anew would load it once more for every worker
+_PROCESSES = multiprocessing.get_context("fork")
 
 
 class WorkFailed(StartError):
-    """What does the jobs of this name has failed; its own log has the reason."""
+    """What does the jobs has failed; its own output has the reason."""
 
 
 class AwaitedWorker(Generic[J, R]):
-    """A `SideWorker`. Jobs and results are pickled; what a job raises ends the run."""
+    """A `SideWorker`. Jobs and results are pickled; what a job raises ends the run.
+
+    To be made before this process has threads, a graphics context or the like, which no copy of it could use.
+    """
 
     ready = True
 
-    def __init__(self, stopwatch: Stopwatch, latency_s: float, load: str, *arguments: str) -> None:
-        """`load` is MODULE:FUNCTION; waiting for a result is on an account of its own."""
-        self._stopwatch, self._latency_s, self._load = stopwatch, latency_s, load
+    def __init__(self, stopwatch: Stopwatch, latency_s: float, load: Callable[[], Work[J, R]]) -> None:
+        """`load` is called there, at once. Waiting for a result is on an account of its own."""
+        self._stopwatch, self._latency_s = stopwatch, latency_s
         self._due_s: deque[float] = deque()
-        here, there = socket.socketpair()
-        with there:
-            command = [sys.executable, "-m", __name__, str(there.fileno()), load, *arguments]
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, pass_fds=(there.fileno(),), env=os.environ | PROCESS_ENVIRONMENT
-            )
-        self._connection = Connection(here.detach())
+        self._connection, there = multiprocessing.Pipe()
+        self._process = _PROCESSES.Process(target=_serve, args=(load, there, self._connection), daemon=True)
+        self._process.start()
+        there.close()
 
     @property
     def pending(self) -> int:
@@ -87,12 +81,11 @@ class AwaitedWorker(Generic[J, R]):
         outcome: JobOutcome[R] | None = None
         with suppress(WorkFailed):
             outcome = JobOutcome(self._next()) if self._due_s else None
+        with suppress(OSError):
+            self._connection.send_bytes(_END)
         self._connection.close()
-        try:
-            self._process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        self._process.join(_END_S)
+        self._process.kill()
         return outcome
 
     def _next(self) -> R:
@@ -109,29 +102,26 @@ class AwaitedWorker(Generic[J, R]):
         return result
 
     def _failed(self) -> WorkFailed:
-        return WorkFailed(f"the process of {self._load} has ended (exit code {self._process.poll()})")
+        self._process.join(_END_S)
+        return WorkFailed(f"A process of the simulation has ended by itself (exit code {self._process.exitcode}).")
 
 
-def _received(connection: Connection, jobs: queue.SimpleQueue[bytes | None]) -> None:
-    """Jobs as they come, so that their sender never waits for the one that is done now; None at the end."""
+def _serve(load: Callable[[], Work[Any, Any]], here: Connection, parents_end: Connection) -> None:
+    """The process: jobs in, results out, until the parent wants no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
+    parents_end.close()
+    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # else each job would interrupt the nodes on their core
+    jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(here, jobs), daemon=True).start()
+    work = load()
+    with suppress(BrokenPipeError, ConnectionResetError):
+        while job := jobs.get():
+            here.send_bytes(pickle.dumps(work(pickle.loads(job)), pickle.HIGHEST_PROTOCOL))
+
+
+def _receive(here: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
+    """Jobs as they come, so that their sender never waits for the one that is done now."""
     with suppress(EOFError, OSError):
         while True:
-            jobs.put(connection.recv_bytes())
-    jobs.put(None)
-
-
-def main() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
-    connection = Connection(int(sys.argv[1]))
-    jobs: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
-    threading.Thread(target=_received, args=(connection, jobs), daemon=True).start()
-    module, _, function = sys.argv[2].partition(":")
-    work: Callable[[Any], Any] = getattr(import_module(module), function)(*sys.argv[3:])
-    keep_what_is_there()
-    with suppress(BrokenPipeError, ConnectionResetError):  # a parent that wants no results any more
-        while (job := jobs.get()) is not None:
-            connection.send_bytes(pickle.dumps(work(pickle.loads(job)), pickle.HIGHEST_PROTOCOL))
-
-
-if __name__ == "__main__":
-    main()
+            jobs.put(here.recv_bytes())
+    jobs.put(_END)

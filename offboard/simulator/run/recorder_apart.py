@@ -7,8 +7,8 @@ What it publishes reaches the mesh after a fixed simulated time, which stands fo
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 from common.bus import Bus, LocalBus, LocalMesh, P
 from common.messages import LAPTOP_RECORDED, OUTBOX, OutboxPiece, Topic
 from common.recording import RecordedMessage
+from common.side_work import Work
 from offboard.recorder.recorder import Recorder
 from offboard.recorder.run_opening import OF_COMM
 from offboard.runs.run_schema import TOPIC_OF_KEY
@@ -23,9 +24,9 @@ from offboard.simulator.run.awaited_work import AwaitedWorker
 from offboard.simulator.stopwatch import Stopwatch
 
 # Of a step's messages there and back. Less than the outbox waits before it sends again, with all steps on the way
-DELAY_STEPS = 4
-_TOGETHER = 2  # steps whose messages go there together: each way costs more than what it carries
-_LATENCY_S = (DELAY_STEPS - _TOGETHER + 1) * Recorder.period_s - 0.01
+_DELAY_STEPS = 5
+_TOGETHER = 3  # steps whose messages go there together: each way costs more than what it carries
+_LATENCY_S = (_DELAY_STEPS - _TOGETHER + 1) * Recorder.period_s - 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ class RecorderApart:
     def __init__(self, run_dir: Path, stopwatch: Stopwatch) -> None:
         self.finished = False  # as `Recorder.finished`
         self._worker: AwaitedWorker[list[Arrivals], list[Departures]] = AwaitedWorker(
-            stopwatch, _LATENCY_S, f"{__name__}:load", str(run_dir)
+            stopwatch, _LATENCY_S, partial(_load, run_dir)
         )
         self._records = False
         self._there: list[Arrivals] = []
@@ -110,10 +111,10 @@ class _FarBus(LocalBus):
             self.recorded += arrivals.recorded
 
 
-def load(run_dir: str) -> Callable[[list[Arrivals]], list[Departures]]:
+def _load(run_dir: Path) -> Work[list[Arrivals], list[Departures]]:
     """What the process does with what arrives."""
     mesh = LocalMesh(bus=_FarBus)
-    bus, recorder = mesh.endpoint(Recorder.name), Recorder(Path(run_dir))
+    bus, recorder = mesh.endpoint(Recorder.name), Recorder(run_dir)
     assert isinstance(bus, _FarBus)
 
     def step(arrivals: Arrivals) -> Departures:

@@ -8,20 +8,20 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-from common.config import Config, PoiSection, with_camera
-from common.side_work import JobOutcome
+from common.config import PoiSection
+from common.side_work import JobOutcome, Work
 from offboard.simulator.run.awaited_work import AwaitedWorker
 from offboard.simulator.stopwatch import Stopwatch
 from onboard.mmu.back_end import map_builder
 from onboard.mmu.back_end.back_end_link import BackEndWorker
+from onboard.mmu.back_end.map_builder import MapBuilder
 from onboard.planner.grid import deliberation
 from onboard.planner.grid.deliberation import Deliberator
 from onboard.poi.poi import reader_of
 from onboard.poi.signs import reading_job
 from onboard.poi.signs.reading_job import Finding, Job, Reading, ReadingWorker
-
-_BACK_END = "onboard.mmu.back_end.back_end_process:load"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +50,9 @@ def in_thread() -> SideWorkers:
 def apart(stopwatch: Stopwatch) -> SideWorkers:
     """On another core, while the nodes go on."""
     return SideWorkers(
-        AwaitedWorker(stopwatch, map_builder.LATENCY_S, _BACK_END),
-        AwaitedWorker(stopwatch, deliberation.LATENCY_S, deliberation.BESIDE),
-        lambda _: _ReadingApart(stopwatch),
+        AwaitedWorker(stopwatch, map_builder.LATENCY_S, lambda: MapBuilder().correction),
+        AwaitedWorker(stopwatch, deliberation.LATENCY_S, deliberation.load),
+        partial(_ReadingApart, stopwatch),
     )
 
 
@@ -61,10 +61,12 @@ class _ReadingApart:
 
     ready = True
 
-    def __init__(self, stopwatch: Stopwatch) -> None:
-        self._worker: AwaitedWorker[Job, tuple[Finding, ...]] = AwaitedWorker(
-            stopwatch, reading_job.LATENCY_S, f"{__name__}:load_reading"
-        )
+    def __init__(self, stopwatch: Stopwatch, section: PoiSection) -> None:
+        def load() -> Work[Job, tuple[Finding, ...]]:
+            read = reader_of(section)
+            return lambda job: read(job).findings
+
+        self._worker: AwaitedWorker[Job, tuple[Finding, ...]] = AwaitedWorker(stopwatch, reading_job.LATENCY_S, load)
         self._jobs: deque[Job] = deque()
 
     @property
@@ -92,9 +94,3 @@ class _ReadingApart:
         if outcome is None or outcome.value is None:
             return None
         return JobOutcome(Reading(self._jobs.popleft(), outcome.value))
-
-
-def load_reading() -> Callable[[Job], tuple[Finding, ...]]:
-    """What the process of the readings loads."""
-    read = reader_of(with_camera(Config()).poi)
-    return lambda job: read(job).findings
