@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import importlib
 import io
+import os
 import sys
 from collections.abc import Iterable
 from typing import NoReturn
 
+from common.environment import PROCESS_ENVIRONMENT
 from common.errors import StartError, sentence
 
 # Module of `deploy.verbs` -> its verbs. Only the module of the verb that is given is loaded: a stop must not wait until
@@ -48,6 +50,8 @@ def families_of(words: list[str]) -> tuple[str, ...]:
 
 def main(argv: list[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else argv
+    for name, value in PROCESS_ENVIRONMENT.items():  # before any library is loaded
+        os.environ.setdefault(name, value)
     arguments = build_parser(families_of(words)).parse_args(words)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # for characters that the terminal lacks

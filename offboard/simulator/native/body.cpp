@@ -20,9 +20,22 @@ int64_t now_ns() {
   return now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
 }
 
-double gauss(Normals& normals, double sd) {
+double uniform(Normals& normals) {
   if (normals.used == normals.count) normals.refill();
-  return normals.values[normals.used++] * sd;
+  return normals.uniform[normals.used++];
+}
+
+// As Python's random.gauss
+double gauss(Normals& normals, double sd) {
+  if (normals.has_spare) {
+    normals.has_spare = 0;
+    return normals.spare * sd;
+  }
+  const double angle_rad = uniform(normals) * (2.0 * kPi);
+  const double length = sqrt(-2.0 * log(1.0 - uniform(normals)));
+  normals.spare = sin(angle_rad) * length;
+  normals.has_spare = 1;
+  return cos(angle_rad) * length * sd;
 }
 
 double drive_m_s(const DriveTrain& train, int pwm) {

@@ -2,10 +2,12 @@
 #pragma once
 #include <stdint.h>
 
-// Standard normal numbers of one random stream, which Python draws block by block
+// Numbers from 0 to 1 of one random stream, which Python draws block by block, and normal ones made of them
 struct Normals {
-  const double* values;
+  const double* uniform;
   int64_t count, used;
+  double spare;  // normal numbers are made in pairs
+  int64_t has_spare;
   void (*refill)();
 };
 

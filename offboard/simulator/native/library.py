@@ -21,17 +21,25 @@ LIBRARY = ROOT / "build" / "libbody.so"
 _PACKAGE = Path(mujoco.__file__).parent
 # No contraction of a product and a sum: the same numbers on every machine
 FLAGS = ("-O2", "-Wall", "-Wextra", "-Werror", "-std=c++17", "-ffp-contract=off", "-fPIC", "-shared")
-_BLOCK = 512
+_BLOCK = 1024
 
 _Callback = CFUNCTYPE(None)
 
 
 class Normals(ctypes.Structure):
-    values: Any
+    uniform: Any
     count: int
     used: int
+    spare: float
+    has_spare: int
     refill: Any
-    _fields_ = (("values", POINTER(c_double)), ("count", c_int64), ("used", c_int64), ("refill", _Callback))
+    _fields_ = (
+        ("uniform", POINTER(c_double)),
+        *((name, c_int64) for name in ("count", "used")),
+        ("spare", c_double),
+        ("has_spare", c_int64),
+        ("refill", _Callback),
+    )
 
 
 class DriveTrainState(ctypes.Structure):
@@ -104,13 +112,12 @@ class BodyState(ctypes.Structure):
 
 
 class NormalStream:
-    """Standard normal numbers of a random stream for `normals`, a block at a time; the stream stays as if each of them
-    had been drawn when it was used."""
+    """The numbers of a random stream for `normals`, a block at a time. No `gauss` of the stream is left half used."""
 
     def __init__(self, rng: Random, normals: Normals) -> None:
         self._rng, self._normals = rng, normals
         self._state: Any = None
-        self._values: Any = None
+        self._block: Any = None
         self._callback = callback(self._refill)
         normals.refill = self._callback
 
@@ -119,16 +126,16 @@ class NormalStream:
         if self._state is not None:
             self._rng.setstate(self._state)
             for _ in range(self._normals.used):
-                self._rng.gauss(0.0, 1.0)
+                self._rng.random()
             self._state = None
         self._normals.used = self._normals.count = 0
         return self._rng
 
     def _refill(self) -> None:
-        rng = self._rng
-        self._state = rng.getstate()
-        self._values = (c_double * _BLOCK)(*[rng.gauss(0.0, 1.0) for _ in range(_BLOCK)])
-        self._normals.values = self._values
+        random = self._rng.random
+        self._state = self._rng.getstate()
+        self._block = (c_double * _BLOCK)(*[random() for _ in range(_BLOCK)])
+        self._normals.uniform = self._block
         self._normals.used, self._normals.count = 0, _BLOCK
 
 

@@ -6,6 +6,7 @@ firmware and serial line as in `local`, without processes. A run repeats to the 
 
 from __future__ import annotations
 
+import gc
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -42,6 +43,7 @@ TIME_LIMIT_S = 4 * 3600.0
 RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
 PROGRESS_S = 5.0  # of wall time
 _ROUNDING_S = 1e-9
+_GARBAGE_OBJECTS = 20_000  # between two looks for garbage in circles, of which the nodes make next to none
 
 P = TypeVar("P")
 
@@ -223,6 +225,7 @@ def simulate(options: RunOptions) -> int:
     recorder = RecorderApart(folder, stopwatch)
     robot = build(options, recorder, apart(stopwatch), stopwatch)
     keep_what_is_there()
+    gc.set_threshold(_GARBAGE_OBJECTS)
     stopwatch.restart()
     began_s = time.monotonic()
     try:

@@ -45,6 +45,7 @@ _CORNER_REACH_M = 2.5  # further away even a corner on the axis is 8 dB below th
 _BEAM_EDGE_RAD = radians(62.0)  # further off axis even a wall at the least range is 25 dB below the threshold
 _BEAM_LOSS_DB = 10.0 / log(10.0) / BEAM_SIGMA_RAD**2  # times the squared angle off axis
 _TARGET_MARGIN_M = 0.01
+_ROUNDING_M = 1e-9
 _MIN_INCHES = round(SONAR_MIN_M / SONAR_STEP_M)
 _MAX_INCHES = round(SONAR_MAX_M / SONAR_STEP_M)
 
@@ -128,11 +129,12 @@ class _Bucket:
             range_m = float(off_wall_m[i])
             if _level_db(range_m, off_axis_rad, self._facet_loss_db[i]) + gain_db > 0.0:
                 targets.append((range_m, x_m + range_m * cos(to_foot_rad), y_m + range_m * sin(to_foot_rad)))
+        reach_m = SONAR_MAX_M * 10.0 ** ((gain_db - CORNER_LOSS_DB) / 20.0)  # beyond not even on the axis
         for corner_x_m, corner_y_m in self._corners:
             dx_m, dy_m = corner_x_m - x_m, corner_y_m - y_m
             range_m = hypot(dx_m, dy_m)
-            if _level_db(range_m, 0.0, CORNER_LOSS_DB) + gain_db <= 0.0:
-                continue  # not even on the axis
+            if range_m > reach_m + _ROUNDING_M:
+                continue
             if _level_db(range_m, atan2(dy_m, dx_m) - bearing_rad, CORNER_LOSS_DB) + gain_db > 0.0:
                 targets.append((range_m, corner_x_m, corner_y_m))
         for person_x_m, person_y_m, radius_m in people:
