@@ -13,6 +13,8 @@ from common.bus import UNFIT
 from common.errors import StartError
 from offboard.simulator.run.lockstep import Lockstep, build
 from offboard.simulator.run.options import RunOptions
+from offboard.simulator.run.side_workers import SideWorkers
+from offboard.simulator.stopwatch import Stopwatch
 from tests.mission.story import Story
 
 Ring = list[list[float]]
@@ -85,12 +87,14 @@ def nothing_unfit_is_said(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
 
 @pytest.fixture
 def tell() -> Iterator[Callable[..., Story]]:
-    """`tell(floor, seed=1, events=...)` powers a robot on."""
+    """`tell(floor, seed=1, events=...)` powers a robot on; `beside` makes what works beside its nodes."""
     robots: list[Lockstep] = []
 
-    def power_on(floor: Path, **options: Any) -> Story:
+    def power_on(floor: Path, beside: Callable[[Stopwatch], SideWorkers] | None = None, **options: Any) -> Story:
+        stopwatch = Stopwatch()
+        workers = None if beside is None else beside(stopwatch)
         try:
-            robots.append(build(RunOptions(floor, **options)))
+            robots.append(build(RunOptions(floor, **options), beside=workers, stopwatch=stopwatch))
         except StartError as error:
             pytest.skip(str(error))
         return Story(robots[-1])

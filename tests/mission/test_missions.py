@@ -29,6 +29,7 @@ from common.messages import (
 )
 from offboard.simulator.run.lockstep import simulate
 from offboard.simulator.run.options import RunOptions
+from offboard.simulator.run.side_workers import apart
 from tests.mission.story import Story
 
 Tell = Callable[..., Story]
@@ -91,6 +92,10 @@ def test_a_run_repeats_to_the_bit_from_its_seed_and_another_seed_is_another_run(
     assert all(first.values())
     assert first == again
     assert first["pose"] != other["pose"]
+
+
+def test_a_run_is_the_same_with_the_work_beside_the_nodes_on_another_core(hall: Path, tell: Tell) -> None:
+    assert messages_of(tell(hall, seed=5, beside=apart), 60.0) == messages_of(tell(hall, seed=5), 60.0)
 
 
 @pytest.mark.requirement("PLN_MR_03")

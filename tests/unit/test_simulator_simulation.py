@@ -63,3 +63,24 @@ def test_the_real_firmware_speaks_over_the_line_and_a_run_repeats_to_the_bit() -
     assert b"_ODO," in spoken[0]
     assert b"_RNG," in spoken[0]
     assert spoken[0] == spoken[1]
+
+
+def test_steps_that_are_made_in_one_go_are_the_same_to_the_bit() -> None:
+    logs = []
+    for together in (1, 50):
+        try:
+            board = HostBoard()
+        except FirmwareBuildError as error:
+            pytest.skip(str(error))
+        received, readable_s = b"", []
+        with Simulation(load_floor(LOOP), board, seed=3, errors="realistic") as simulation:
+            world = simulation.world
+            while world.time_s < 6.0:
+                done = simulation.run(together)
+                assert 1 <= done <= together
+                if simulation.port.readable:
+                    readable_s.append(round(world.time_s, 3))
+                    received += simulation.port.read()
+            logs.append((received, readable_s, world.truth_log))
+    assert logs[0] == logs[1]
+    assert len(logs[0][0]) > 1000

@@ -32,6 +32,17 @@ def test_work_inside_other_work_has_its_own_account_and_the_other_goes_on(passed
     assert watch.spent_s() == {REST: 17.0, "mmu": 10.0, BUS: 4.0}
 
 
+def test_a_part_can_be_booked_on_another_account_and_a_restart_forgets(passed_s: list[float]) -> None:
+    watch = Stopwatch()
+    watch.enter("physics")
+    passed_s[0] = 5.0
+    watch.move("physics", "IMU", 2.0)
+    assert watch.spent_s() == {REST: 0.0, "physics": 3.0, "IMU": 2.0}
+    watch.restart()
+    passed_s[0] = 6.0
+    assert watch.spent_s() == {REST: 1.0}
+
+
 def test_accounts_add_up_to_the_whole() -> None:
     began_s = time.perf_counter()
     watch = Stopwatch()

@@ -14,7 +14,8 @@ from typing import Any
 
 import mujoco
 
-from offboard.simulator.electronics.board import ROOT, compile_library
+from common.errors import StartError
+from offboard.simulator.electronics.board import ROOT, FirmwareBuildError, compile_library
 
 SOURCE = Path(__file__).parent / "body.cpp"
 LIBRARY = ROOT / "build" / "libbody.so"
@@ -146,10 +147,13 @@ def callback(function: Any) -> Any:
 
 @cache
 def library() -> ctypes.CDLL:
-    """Compiled when it is older than its sources. Raises FirmwareBuildError where there is no compiler."""
+    """Compiled when it is older than its sources. Raises StartError where that cannot be done."""
     inputs = (SOURCE, SOURCE.with_suffix(".h"))
     arguments = [*FLAGS, f"-I{_PACKAGE / 'include'}", str(SOURCE)]
-    made = ctypes.CDLL(str(compile_library(LIBRARY, inputs, arguments, "the simulated body does not compile")))
+    try:
+        made = ctypes.CDLL(str(compile_library(LIBRARY, inputs, arguments, "the simulated body does not compile")))
+    except FirmwareBuildError as error:
+        raise StartError(str(error)) from error
     train, imu, body = POINTER(DriveTrainState), POINTER(ImuState), POINTER(BodyState)
     signatures: dict[str, tuple[list[Any], Any]] = {
         "drive_train_step": ([train, c_int, c_int, c_int], None),

@@ -72,7 +72,7 @@ class Simulation:
     def advance(self, until_s: float) -> None:
         """Steps the world until its time has reached `until_s`."""
         steps = int((until_s - self.world.time_s + _ROUNDING_S) / STEP_S)
-        while steps:
+        while steps > 0:
             steps -= self.world.run(steps)
         self.stopwatch.enter(REST)
 
