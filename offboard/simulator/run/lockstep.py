@@ -1,12 +1,12 @@
 """`indoor-mapping simulate`: every node of the robot in one thread and one simulated time, as fast as the CPU allows.
 
 The same nodes as on the boards, connected by a `LocalMesh` and stepped in a fixed order; below them the same world,
-firmware and serial line as in `local`, without processes. A run repeats to the bit from its seed.
+firmware and serial line as in `local`. What works beside them, and the recorder, do so on another core, at simulated
+times that are fixed: a run repeats to the bit from its seed.
 """
 
 from __future__ import annotations
 
-import gc
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -43,7 +43,6 @@ TIME_LIMIT_S = 4 * 3600.0
 RECORD_LIMIT_S = 5.0  # how long the end of the mission may take into the database
 PROGRESS_S = 5.0  # of wall time
 _ROUNDING_S = 1e-9
-_GARBAGE_OBJECTS = 20_000  # between two looks for garbage in circles, of which the nodes make next to none
 
 P = TypeVar("P")
 
@@ -225,7 +224,6 @@ def simulate(options: RunOptions) -> int:
     recorder = RecorderApart(folder, stopwatch)
     robot = build(options, recorder, apart(stopwatch), stopwatch)
     keep_what_is_there()
-    gc.set_threshold(_GARBAGE_OBJECTS)
     stopwatch.restart()
     began_s = time.monotonic()
     try:
