@@ -19,19 +19,23 @@ from deploy.boards.ssh import BoardError, Connection
 _APT = "DEBIAN_FRONTEND=noninteractive apt-get"
 _APT_S = 1800.0
 _DEBS = "/var/cache/indoor-mapping-debs"
-# A folder may hold all that the packages need, for any board: what this one has, stays as it is
+# The folder as a source of packages, of which apt takes what it needs: more may be there than this board lacks
 _INSTALL_DEBS = f"""
-mkdir -p {_DEBS} && cd {_DEBS} && tar x || exit
+set -e
+trap 'rm -rf {_DEBS}' EXIT
+mkdir -p {_DEBS}/lists/partial && cd {_DEBS} && tar x
 for deb in *.deb; do
-  name=$(dpkg-deb -f "$deb" Package) || exit
-  [ "$(dpkg-query -W -f '${{db:Status-Status}}' "$name" 2>/dev/null)" != installed ] || rm "$deb"
-done
-set -- ./*.deb
-[ ! -e "$1" ] || {_APT} install -qq -y --no-download --no-install-recommends "$@" >/dev/null
-code=$?
-rm -r {_DEBS}
-exit $code
-"""
+  dpkg-deb -f "$deb"
+  echo "Filename: ./$deb"
+  echo "Size: $(stat -c %s "$deb")"
+  echo "SHA256: $(sha256sum "$deb" | cut -d ' ' -f 1)"
+  echo
+done > Packages
+echo "deb [trusted=yes] file:{_DEBS} ./" > sources.list
+apt() {{ {_APT} -qq -o Dir::Etc::sourcelist={_DEBS}/sources.list -o Dir::Etc::sourceparts=/dev/null \\
+  -o Dir::State::lists={_DEBS}/lists "$@" >/dev/null; }}
+apt update
+apt install -y --no-install-recommends"""
 
 
 def bootstrap(connection: Connection, config: Config, facts: Facts, debs: Path | None) -> None:
@@ -79,8 +83,9 @@ def _install_packages(connection: Connection, packages: Iterable[str], debs: Pat
     files = sorted(debs.glob("*.deb"))
     if not files:
         raise StartError(f"{debs} holds no .deb files.")
-    data = b"" if connection.dry_run else _archive(files)
-    connection.change(_INSTALL_DEBS, data, _APT_S, f"install {', '.join(packages)} from {debs}")
+    data = b"" if connection.dry_run else _archive(files, numbered=True)
+    words = f"{_INSTALL_DEBS} {' '.join(packages)}"
+    connection.change(words, data, _APT_S, f"install {', '.join(packages)} from {debs}")
 
 
 def _send_keys(connection: Connection, folder: Path) -> None:
@@ -94,10 +99,10 @@ def _send_keys(connection: Connection, folder: Path) -> None:
     )
 
 
-def _archive(files: Iterable[Path]) -> bytes:
-    """A tar: for what a board takes before it has rsync."""
+def _archive(files: Iterable[Path], *, numbered: bool = False) -> bytes:
+    """A tar, for what a board takes before it has rsync; `numbered`: by plain names, without what a URI would quote."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w") as archive:
-        for file in files:
-            archive.add(file, arcname=file.name)
+        for number, file in enumerate(files):
+            archive.add(file.resolve(), arcname=f"{number}{file.suffix}" if numbered else file.name)
     return buffer.getvalue()

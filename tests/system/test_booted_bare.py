@@ -54,14 +54,13 @@ def test_a_board_without_a_network_is_prepared_from_packages_that_are_carried_ov
         assert set(facts.missing_packages) == {"rsync", "avrdude"}
         with pytest.raises(StartError, match=r"give a folder of \.deb files with --debs"):
             bootstrap(board, CONFIG, facts, None)
-        had = container.ok("dpkg-query", "-W", "libc6")
         bootstrap(board, CONFIG, facts, debs)
         assert checks.board_problems(CONFIG, "beaglebone", board.facts()) == ["beaglebone has no /dev/ttyACM0."]
-        assert container.ok("dpkg-query", "-W", "libc6") == had
         assert "avrdude version" in container.run("avrdude", "-?").stderr
-        # What is there stays; a folder that lacks something is named
+        # The folder has more than the board lacks, which is left alone
+        assert container.run("dpkg-query", "-W", "python3-scipy").returncode != 0
         container.ok("dpkg", "--purge", "avrdude")
-        with pytest.raises(StartError, match=r"beaglebone still lacks avrdude, which .* has not"):
+        with pytest.raises(StartError, match="beaglebone: E: Unable to locate package avrdude"):
             bootstrap(board, CONFIG, board.facts(), only(debs, "rsync_*.deb"))
 
 
@@ -81,9 +80,10 @@ def disk(root: Path, tmp_path: Path) -> Iterator[Path]:
         yield merged
 
 
-def switch_and_cut_power(container: Container, release: str) -> None:
+def switch_and_cut_power(container: Container, release: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The board has begun with the release, and its health is not known yet."""
     board = Inside(container)
+    monkeypatch.setattr("deploy.boards.release.HEALTHY_S", 600.0)
 
     def begin() -> None:
         with suppress(StartError):
@@ -94,19 +94,23 @@ def switch_and_cut_power(container: Container, release: str) -> None:
     until(lambda: board.facts().release == release, 60.0, "the switch")
     container.cut_power()
     switching.join()
+    monkeypatch.undo()
 
 
-def test_after_a_power_cut_in_an_update_the_board_is_reachable_tells_of_it_and_goes_back_or_on(disk: Path) -> None:
+def test_after_a_power_cut_in_an_update_the_board_is_reachable_tells_of_it_and_goes_back_or_on(
+    disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tree: Tree = assemble(CONFIG, ["beaglebone"], CACHE, print)["beaglebone"]
+    copied = f"cd {layout.RELEASES} && cp -a {tree.release} {{0}} && rm {{0}}/.ok && cd {{0}}"
     with closing(Container(disk, {}, keeps=True)) as container:
         board = Inside(container)
         bootstrap(board, CONFIG, replace(board.facts(), missing_packages=()), None)
         deliver(board, tree)
         assert switch(board, tree.release).outcome is Outcome.RUNS
-        fade = f"sed -i -e 's/^ExecStart=.*/ExecStart=sleep 1/' -e 's/notify/simple/' {UNIT}"
-        for name, change in (("fades", fade), ("sound", "true")):
-            board.run(f"cd {layout.RELEASES} && cp -a {tree.release} {name} && rm {name}/.ok && cd {name} && {change}")
-        switch_and_cut_power(container, "fades")
+        board.run(
+            f"{copied.format('fades')} && sed -i -e 's/^ExecStart=.*/ExecStart=sleep 1/' -e 's/notify/simple/' {UNIT}"
+        )
+        switch_and_cut_power(container, "fades", monkeypatch)
     with closing(Container(disk, {}, keeps=True)) as container:
         board = Inside(container)
         facts = board.facts()
@@ -116,8 +120,9 @@ def test_after_a_power_cut_in_an_update_the_board_is_reachable_tells_of_it_and_g
         assert fleet.go_back(robot)
         assert board.facts().runs(tree.release)
         assert checks.release_problems({"beaglebone": board.facts()}) == []
+        board.run(copied.format("sound"))
         # And onwards: a sound release that was cut off is switched to again, and is good then
-        switch_and_cut_power(container, "sound")
+        switch_and_cut_power(container, "sound", monkeypatch)
     with closing(Container(disk, {}, keeps=True)) as container:
         board = Inside(container)
         until(lambda: board.facts().runs("sound"), 60.0, "the release that the board was switched to")
