@@ -20,6 +20,7 @@ from onboard.poi.signs.number_forms import NumberForms, RoomNumber, site_forms
 from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.sign_reading import Verdict, sign_rules
 from onboard.poi.signs.site_numbers import BACKING_MIN, PLATES_MIN, SiteNumbers, site_numbers
+from onboard.poi.signs.text_line import TextLine
 
 PLAIN = site_forms(PoiSection())
 
@@ -120,7 +121,7 @@ def test_drawn_plates_of_every_form_are_read(preset: str) -> None:
     pytest.importorskip("rapidocr")
     reader, rules = sign_reader(), sign_rules(PoiSection(number_presets=(preset,)))
     for number in PRESETS[preset].examples:
-        plate = draw_plate(Plate(0.0, 0.0, False, 1.5, 0.2, 0.15, 0.035, "light on dark"), number, "Office")
+        plate = draw_plate(Plate(0.0, 0.0, False, 1.5, 0.25, 0.15, 0.035, "light on dark"), number, "Office")
         rows = np.ascontiguousarray(np.asarray(plate)[..., ::-1])
         wall = cv2.copyMakeBorder(rows, 80, 80, 80, 80, cv2.BORDER_CONSTANT, value=(220, 226, 230))
         photo = np.asarray(cv2.resize(wall, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
@@ -146,6 +147,14 @@ def test_a_site_may_have_several_forms() -> None:
 )
 def test_what_is_no_room_by_default(line: str) -> None:
     assert shown(PLAIN, line) == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "what"), [("12.30", "a time"), ("253-260", "a range of rooms"), ("9-17", "opening hours")]
+)
+def test_sign_that_is_legible_and_no_plate_wants_no_other_photo(text: str, what: str) -> None:
+    reading = sign_rules(PoiSection()).judge([TextLine(text, 0.99, 100.0, 200.0, 25.0 * len(text), 40.0)])
+    assert (reading.verdict, reading.reason) == (Verdict.OTHER, f"may be {what}")
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,10 @@ class SignRules:
             Verdict.OTHER, None, "", 0.0, around(lines), tuple(line.text for line in lines), arrangement.reason
         )
         if numbered is None:
-            return replace(reading, verdict=self._without_number(lines), room_type=self._room_type_of(lines))
+            room_type, instead = self._room_type_of(lines), self._suspicion(lines)
+            if instead:
+                return replace(reading, room_type=room_type, reason=f"may be {instead}")
+            return replace(reading, verdict=self._without_number(lines), room_type=room_type)
         if arrangement.reason:
             return reading
         if m_per_px is not None and not NUMBER_HEIGHT_M[0] <= numbered.letter_px * m_per_px <= NUMBER_HEIGHT_M[1]:
@@ -97,6 +100,11 @@ class SignRules:
         """Numbers that other plates may back."""
         number = self.forms.match(text)
         return number if number is not None and self.forms.may_count(number) else None
+
+    def _suspicion(self, lines: Sequence[TextLine]) -> str:
+        """What a line is that has the form of a number at other sites; another photo would show the same."""
+        numbers = (self.forms.match(line.text) for line in lines)
+        return next((n.suspicion for n in numbers if n is not None and not self.forms.may_count(n)), "")
 
     def _without_number(self, lines: Sequence[TextLine]) -> Verdict:
         named = [line for line in lines if self._is_type(line.text) or is_service(line.text)]
