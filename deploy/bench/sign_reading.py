@@ -36,19 +36,20 @@ CASES = {Kind.PLATE: 480, Kind.COVERED: 240, Kind.DISTRACTOR: 200}
 QUICK = 8  # one of so many cases
 FRAMES, FRAMES_QUICK = 40, 12
 MEMORY_MAX_MB = 450
-# What both checkouts run: the reader of `read-signs` over the photos of a folder; prints the seconds that it took
+# What both checkouts run: the engine over the photos of a folder; prints the seconds of processor time that it took
 _TIMED = """
 import importlib, importlib.util, sys, time
 from pathlib import Path
-from common.config import PoiSection
-package = "onboard.poi.signs" if importlib.util.find_spec("onboard.poi.signs") else "onboard.poi"
-reader = importlib.import_module(package + ".photo_reading").PhotoReader(PoiSection())
-files = sorted(Path(sys.argv[1]).iterdir())
-for file in files[:2]:
-    reader.findings(file)
+import cv2
+below = "onboard.poi.signs." if importlib.util.find_spec("onboard.poi.signs") else "onboard.poi."
+modules = [below + name for name in ("ocr_engine", "sign_reading") if importlib.util.find_spec(below + name)]
+reader = importlib.import_module(modules[0]).SignReader(640)
+frames = [cv2.imread(str(file)) for file in sorted(Path(sys.argv[1]).iterdir())]
+for frame in frames[:2]:
+    reader.lines(frame)
 began_s = time.process_time()
-for file in files:
-    reader.findings(file)
+for frame in frames:
+    reader.lines(frame)
 print(time.process_time() - began_s)
 """
 

@@ -16,6 +16,7 @@ from onboard.poi.camera.frame import Gray
 ROWS = 64  # of the line's box in the picture that is looked at
 STROKE_MAX = 23  # rows or columns: no stroke of a letter is wider
 THRESHOLDS = (0.8, 1.1, 1.4)  # of Otsu's level: where light falls on a plate, letters are fainter
+APART_MIN = 0.6  # letters per character: from there on they were taken for their background
 RIM = 8  # rows and columns around the box in which strokes are followed
 AREA_MIN = 12  # pixels of a stroke
 DOT_ABOVE, DOT_BELOW = 0.4, 0.15  # as far from the letters dots and accents stand, in their height
@@ -86,7 +87,16 @@ def strokes(picture: Gray, margin: int, characters: int = 0) -> Strokes:
     inner = gray[m : m + ROWS, m : gray.shape[1] - m]
     level, _ = cv2.threshold(inner, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     rim = np.concatenate([inner[:5].ravel(), inner[-5:].ravel()])
-    dark = np.count_nonzero(rim > level) >= rim.size / 2
+    dark = bool(np.count_nonzero(rim > level) >= rim.size / 2)
+    taken = _taken_apart(gray, m, dark, characters)
+    if len(taken.letters) < APART_MIN * characters:  # the box may reach beyond a plate that is darker than its wall
+        other = _taken_apart(gray, m, not dark, characters)
+        taken = min(taken, other, key=lambda one: abs(len(one.letters) - characters))
+    return taken
+
+
+def _taken_apart(gray: Gray, m: int, dark: bool, characters: int) -> Strokes:
+    """With letters darker than their background, or lighter."""
     # Light and shade change slowly; a stroke is narrower than what is left of it
     kernel = np.ones((STROKE_MAX, STROKE_MAX), np.uint8)
     back = cv2.morphologyEx(gray, cv2.MORPH_CLOSE if dark else cv2.MORPH_OPEN, kernel)

@@ -15,12 +15,12 @@ import numpy as np
 
 from onboard.poi.signs.letters import ROWS, Letter, Strokes
 
-BESIDE_FREE, ABOVE_FREE = 0.3, 0.2  # room beside the outer letters; above and below all of them
+BESIDE_FREE, ABOVE_FREE = 0.2, 0.15  # room beside the outer letters; above and below all of them
 NEAR = 0.08  # as far as blur reaches
 INWARD = 0.3  # as far an edge that runs askew may be seen within the letters
 EDGE = 0.15  # as far as an edge is blurred; light changes more slowly
 SHARPER = 3.0  # than the usual change of the background around it
-STEP = 0.3  # of the background within that room, share of the letters' contrast: the border of something
+STEP = 0.25  # of the background within that room, share of the letters' contrast: the border of something
 DIFFERS = 0.35  # from the background, share of the letters' contrast: something stands there
 COLUMN_BUSY = 0.12  # share of a column that differs
 CROSSED = 0.1  # columns in which something runs through the line
@@ -28,12 +28,13 @@ GAP_MAX, GAP_TIMES = 0.5, 2.0  # between letters of one word: absolute, and in u
 HEIGHT_OFF, FOOT_OFF = 0.14, 0.14  # of a digit from the others
 LOW = 0.45  # height of the lowest letter that is no dot or dash
 NARROW = 0.62  # share of the usual digit's width; "1" is left out
-FAINT = 0.6  # share of the usual letter's contrast
+FAINT = 0.45  # share of the usual letter's contrast
 RUNNING_TOGETHER = 0.6  # letters per character: from there on each letter is not seen by itself
 ICON_GAP, ICON_HEIGHT, ICON_OFF = 0.25, 1.15, 0.16  # a pictogram beside the line: apart, higher, or not on its foot
 ROOM = 0.9  # between the letters and an end of their box, which reaches about 0.3 beyond them
 BLOCK = 0.5  # step of the background there, share of the letters' contrast
-WORDS_APART = 1.1  # a gap that parts a number from a name
+UNREAD_GAP = 0.4  # beside a letter that was not read
+WORDS_APART = 0.8  # a gap that parts a number from a name
 _FLAT = frozenset("-–—.·•:,'´`_~\"")
 _DIGITS = frozenset("0123456789")
 
@@ -67,7 +68,7 @@ def checked(line: Strokes, characters: Sequence[Character]) -> Checked:
     own = _letter_of_each(line, letters)
     high = [a.height for a, c in zip(own, letters, strict=True) if c.text in _DIGITS or c.text.isupper()] if own else []
     capital = float(np.median(high)) if high else line.capital
-    parts = _parts(line, capital, len(letters))
+    parts = _parts(line, capital, len(letters), spaces)
     return Checked(capital / ROWS, _damage(line, capital, own, letters, spaces), parts)
 
 
@@ -80,17 +81,21 @@ def _letter_of_each(line: Strokes, characters: Sequence[Character]) -> tuple[Let
     return None if low else line.letters
 
 
-def _parts(line: Strokes, capital: float, characters: int) -> tuple[tuple[float, float], ...]:
+def _parts(line: Strokes, capital: float, characters: int, spaces: int) -> tuple[tuple[float, float], ...]:
     """Where to cut the line: at a pictogram on either side, and at a gap that is no space between words."""
     letters = list(line.letters)
     width = line.ink.shape[1] - 2 * line.margin
     if len(letters) < 2:
         return ()
     first, last = 0, len(letters)
-    while last - first > 1 and _is_icon(letters[first], letters[first + 1 : last], last - first > characters):
-        first += 1
-    while last - first > 1 and _is_icon(letters[last - 1], letters[first : last - 1], last - first > characters):
-        last -= 1
+    apart = sum(b.x - a.right > UNREAD_GAP * capital for a, b in pairwise(letters)) > spaces
+    for side in (-1, 1):
+        while last - first > 1:
+            rest = letters[first + 1 : last] if side < 0 else letters[first : last - 1]
+            one = letters[first] if side < 0 else letters[last - 1]
+            if not _is_icon(one, rest, capital, apart and last - first > characters):
+                break
+            first, last = (first + 1, last) if side < 0 else (first, last - 1)
     cuts = [i for i in range(first + 1, last) if letters[i].x - letters[i - 1].right > WORDS_APART * capital]
     icon = _solid(line, capital, line.margin, letters[0].x) or _solid(
         line, capital, letters[-1].right, line.margin + width
@@ -118,15 +123,13 @@ def _solid(line: Strokes, capital: float, begin: float, end: float) -> bool:
     return float(np.ptp(profile)) > BLOCK * line.contrast
 
 
-def _is_icon(one: Letter, rest: Sequence[Letter], unread: bool) -> bool:
+def _is_icon(one: Letter, rest: Sequence[Letter], capital: float, unread: bool) -> bool:
     """A pictogram stands apart from the letters, and is higher, or not on their line, or not read as one."""
-    tall = [a for a in rest if a.height >= 0.6 * max(b.height for b in rest)]
-    capital = float(np.median([a.height for a in tall]))
-    foot, head = float(np.median([a.bottom for a in tall])), float(np.median([a.y for a in tall]))
+    foot = float(np.median([a.bottom for a in rest if a.height >= 0.6 * capital] or [one.bottom]))
     gap = max(rest[0].x - one.right, one.x - rest[-1].right)
     if gap < ICON_GAP * capital or one.height < 0.6 * capital:
         return False
-    off = max(one.bottom - foot, head - one.y)
+    off = max(one.bottom - foot, foot - capital - one.y)
     return unread or one.height > ICON_HEIGHT * capital or off > ICON_OFF * capital
 
 
@@ -142,7 +145,7 @@ def _damage(
         return "something runs through the letters"
     if len(line.letters) == 1 and len(characters) > 2:
         return "no letters apart"
-    return _covered(line, capital) or _missing(line, capital, spaces) or _uneven(line, own, characters)
+    return _covered(line, capital) or _missing(line, capital, own, characters, spaces) or _uneven(line, own, characters)
 
 
 def _covered(line: Strokes, capital: float) -> str:
@@ -177,11 +180,16 @@ def _covered(line: Strokes, capital: float) -> str:
     return ""
 
 
-def _missing(line: Strokes, capital: float, spaces: int) -> str:
+def _missing(
+    line: Strokes, capital: float, own: Sequence[Letter] | None, characters: Sequence[Character], spaces: int
+) -> str:
     """A gap like that between words where no space was read: a letter may have been erased."""
     gaps = [b.x - a.right for a, b in pairwise(line.letters)]
     limit = max(GAP_MAX * capital, GAP_TIMES * sorted(gaps)[(len(gaps) - 1) // 2]) if gaps else 0.0
-    return "a gap between the letters" if sum(gap > limit for gap in gaps) > spaces else ""
+    wide = [i for i, gap in enumerate(gaps) if gap > limit]
+    if own is not None:  # a letter often stands apart from the digits behind it
+        wide = [i for i in wide if characters[i].text.isalpha() == characters[i + 1].text.isalpha()]
+    return "a gap between the letters" if len(wide) > spaces else ""
 
 
 def _uneven(line: Strokes, own: Sequence[Letter] | None, characters: Sequence[Character]) -> str:

@@ -19,6 +19,7 @@ from onboard.poi.signs.sign_words import is_notice, is_service
 from onboard.poi.signs.text_line import TextLine, around
 
 CONFIDENT = 0.80  # confidence of the least certain letter or digit, from which a number counts
+CONFIDENT_REPAIRED = 0.99  # the same for a number in which letters were exchanged: half an M is an I, too
 NUMBER_HEIGHT_M = (0.018, 0.13)  # of the letters as measured, up to twice their own
 OPEN_GAP = 1.0  # to the border of the picture, in heights: enough to see that there is no neighbour
 TYPE_LIKENESS = 0.75  # ratio of difflib between a line and a room type
@@ -88,7 +89,7 @@ class SignRules:
         _, y, _, height = reading.box
         if image_height_px is not None and (y < reach_px or y + height > image_height_px - reach_px):
             return replace(reading, verdict=Verdict.UNCLEAR, reason="cut off by the border")
-        if numbered.damage or numbered.confidence < CONFIDENT:
+        if numbered.damage or numbered.confidence < (CONFIDENT_REPAIRED if number.repairs else CONFIDENT):
             return replace(reading, verdict=Verdict.UNCLEAR, reason=numbered.damage or "not legible")
         return replace(reading, verdict=Verdict.PLATE if self.forms.counts(number) else Verdict.DOUBTFUL)
 
