@@ -262,14 +262,16 @@ def _convert_list(value: Any, hint: Any, where: str) -> tuple[Any, ...]:
     return tuple(_convert(v, hint, f"{where}[{i}]") for i, v in enumerate(value))
 
 
-def _section(kind: type[Any], table: Any, where: str) -> Any:
+def _section(default: Any, table: Any, where: str) -> Any:
+    """The default with what the table has: the sections of the boards are of one kind, with defaults of their own."""
     if not isinstance(table, dict):
         raise ConfigError(f"{where} must be a section, written [{where.split()[-1]}].")
-    hints = get_type_hints(kind, include_extras=True)
+    hints = get_type_hints(type(default), include_extras=True)
     for key in table:
         if key not in hints:
             raise ConfigError(f"{where}.{key} is not known; the keys there are {', '.join(hints)}.")
-    return kind(**{key: _convert(value, hints[key], f"{where}.{key}") for key, value in table.items()})
+    values = {key: _convert(value, hints[key], f"{where}.{key}") for key, value in table.items()}
+    return dataclasses.replace(default, **values)
 
 
 def _check(config: Config, file: str) -> None:
@@ -301,7 +303,8 @@ def parse_config(text: str, file: str = "robot.toml") -> Config:
     for name in tables:
         if name not in hints:
             raise ConfigError(f"{file}: section [{name}] is not known; the sections are {', '.join(hints)}.")
-    sections = {name: _section(hints[name], table, f"{file}: {name}") for name, table in tables.items()}
+    defaults = Config()
+    sections = {name: _section(getattr(defaults, name), table, f"{file}: {name}") for name, table in tables.items()}
     config = Config(**sections)
     _check(config, file)
     return config

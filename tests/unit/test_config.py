@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import get_type_hints
 
@@ -17,6 +18,23 @@ from common.constants import SONAR_BEARINGS_RAD
 def test_empty_file_gives_the_defaults() -> None:
     assert parse_config("") == Config()
     assert load_config(None) == Config()
+
+
+def test_the_section_of_a_board_needs_only_what_differs_from_that_boards_defaults() -> None:
+    config = parse_config('[beaglebone]\nssh = "debian@10.0.0.2"\n[raspberry]\ndebian = 13\n')
+    assert config.beaglebone == replace(Config().beaglebone, ssh="debian@10.0.0.2")
+    assert config.raspberry == replace(Config().raspberry, debian=13)
+
+
+def test_the_lines_of_the_chapter_on_deployment_are_enough() -> None:
+    chapter = Path(__file__).resolve().parents[2] / "docs" / "deployment.md"
+    lines = (
+        chapter.read_text(encoding="utf-8").partition("## robot.toml\n")[2].partition("```\n")[2].partition("```")[0]
+    )
+    config = parse_config(lines)
+    assert (config.board_of("comm"), config.board_of("poi")) == ("beaglebone", "raspberry")
+    assert (config.beaglebone.platform, config.raspberry.platform) == ("armv7l", "aarch64")
+    assert config.has_camera
 
 
 def test_default_bearings_are_the_constants() -> None:
