@@ -7,20 +7,18 @@ import logging
 import math
 import secrets
 from collections import deque
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from common.bus import Bus, alive, alive_and_valid, expires_s
 from common.config import Config
-from common.constants import ANGLE_ERROR_RAD, POSE_RATE_HZ, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
+from common.constants import SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
 from common.messages import (
     CARRIER,
     DISTANCES,
-    DRIVE,
     GRID,
     MAP,
     ODOMETRY,
@@ -31,7 +29,6 @@ from common.messages import (
     RANGES,
     RETAKE,
     CarrierState,
-    DriveCommand,
     GridUpdate,
     OperatorCommand,
     Outcome,
@@ -43,14 +40,13 @@ from common.messages import (
     Speed,
     Topic,
 )
-from common.pace import LATE_S, Pace
 from common.side_process import ProcessWorker
 from common.status import StatusReporter
 from common.undecodable import Undecodable
 from common.wall_points import WallPointMap
 from onboard.planner.driving import collision_monitor
 from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, watch
-from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
+from onboard.planner.driving.drive_commands import BOOT_BITS, DriveCommands
 from onboard.planner.driving.poi_override import Override, after, speed
 from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
 from onboard.planner.exploration.queries import JudgedGrid
@@ -63,11 +59,6 @@ from onboard.planner.mission.orders import Orders, is_stopped
 from onboard.planner.mission.table import BLOCKED, Event
 
 VIEW_PERIOD_S = 0.5
-COMMAND_PERIOD_S = 1.0 / POSE_RATE_HZ
-COMMAND_MAX_S = 1.0  # a command in motion is not repeated for longer than this; then comes a new one
-# A heading that has changed by less is no new command. Driven: half of what the Carrier holds it to
-STANDING_HEADING_RAD, DRIVEN_HEADING_RAD = 0.03, ANGLE_ERROR_RAD / 2
-BOOT_BITS = 16
 PATH_SHOWN_MAX = 2_000  # waypoints
 
 _log = logging.getLogger(__name__)
@@ -83,16 +74,13 @@ class Planner:
 
     def __init__(self, deliberator: Deliberator, images_walls: bool = False, boot: int = 0) -> None:
         """`deliberator` answers queries. `images_walls`: there is a camera, and every wall shall have been on its
-        right. `boot`, of BOOT_BITS: another number after each restart, which distinguishes its drive commands from the
-        earlier ones."""
-        self._boot = boot
+        right. `boot`: of its drive commands."""
         self._deliberator = deliberator
         self._queried: deque[Query] = deque()  # in the order of their answers
         self._mission = Mission(images_walls=images_walls)
         self._status = StatusReporter(self.name)
         self._collision = CollisionMonitor()
         self._zero_velocity = ZeroVelocityUpdate()
-        self._net_rotation = NetRotationBalancing()
         self._undecodable = Undecodable()
         self._grid_update: GridUpdate | None = None  # the newest, to be read next
         self._next_grid: JudgedGrid | None = None  # was read
@@ -101,9 +89,7 @@ class Planner:
         self._points = WallPointMap()
         self._wanted = Motion(Speed.STOP, 0.0)
         self._pose_seen: PoseEstimate | None = None
-        self._command_id, self._command_s = 0, -math.inf  # of the last new one
-        self._commanded: DriveCommand | None = None
-        self._command_pace = Pace(COMMAND_PERIOD_S)
+        self._commands = DriveCommands(boot)
         self._view_sent_s = -math.inf
         self._orders = Orders()
         self._override = Override()
@@ -129,7 +115,8 @@ class Planner:
         error = self._trouble(bus)
         if pose is None or error is not ErrorCode.OK:
             self._collision = CollisionMonitor()
-            self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad if pose is not None else 0.0), pose)
+            if pose is not None:
+                self._commands.publish(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
         else:
             self._drive(bus, now_s, pose)
             if self._collision.phase is not Phase.CLEAR:
@@ -229,7 +216,7 @@ class Planner:
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
         if self._grid is None or self._mission.state.paused or backing:
             self._collision = CollisionMonitor()
-            self._command(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
+            self._commands.publish(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
             return
         if pose is not self._pose_seen:
             self._pose_seen = pose
@@ -251,7 +238,7 @@ class Planner:
             motion = Motion(Speed.REVERSE, pose.heading_rad)
         elif rests and not _turns_on_the_spot(motion, pose):
             motion = Motion(Speed.STOP, pose.heading_rad)
-        self._command(bus, now_s, motion, pose)
+        self._commands.publish(bus, now_s, motion, pose)
 
     def _view(self, now_s: float, pose: PoseEstimate) -> View:
         assert self._grid is not None
@@ -266,39 +253,11 @@ class Planner:
             _median(self._front),
         )
 
-    def _command(self, bus: Bus, now_s: float, motion: Motion, pose: PoseEstimate | None) -> None:
-        """Send what is wanted when it changed, and at least at the topic's rate."""
-        if pose is None:
-            return
-        turn_rad = self._net_rotation.turn_rad(pose.yaw_rad, wrap_angle(motion.heading_rad - pose.heading_rad))
-        yaw_rad = wrap_angle(pose.yaw_rad + turn_rad)
-        last = self._commanded
-        if not self._command_pace.due(now_s, urgent=last is None or motion.speed is not last.speed):
-            return
-        if last is not None and self._holds(last, motion.speed, yaw_rad, now_s):
-            self._commanded = replace(last, t_s=now_s)
-            bus.publish(DRIVE, self._commanded, news=False)
-            return
-        self._command_id += 1
-        self._command_s = now_s
-        self._commanded = DriveCommand(now_s, self._command_id, motion.speed, yaw_rad, boot=self._boot)
-        bus.publish(DRIVE, self._commanded)
-
-    def _holds(self, last: DriveCommand, requested: Speed, yaw_rad: float, now_s: float) -> bool:
-        """What was commanded last is still what is wanted. In motion for COMMAND_MAX_S at most: bridge and board begin
-        no command again that they have dropped."""
-        turned_rad = abs(wrap_angle(yaw_rad - last.yaw_rad))
-        if requested is not last.speed:
-            return False
-        if requested is Speed.STOP:
-            return turned_rad < STANDING_HEADING_RAD
-        return turned_rad < DRIVEN_HEADING_RAD and now_s - self._command_s < COMMAND_MAX_S
-
     def _due_s(self, bus: Bus, now_s: float) -> float:
         """When there is something to do though nothing arrives."""
         return min(
             self._status.latest_s,
-            self._command_pace.due_s + LATE_S if self._commanded is not None else math.inf,
+            self._commands.latest_s,
             self._deliberator.due_s(now_s),
             collision_monitor.due_s(self._collision),
             *(expires_s(bus, topic, now_s) for topic in (POSE, RANGES, DISTANCES)),

@@ -47,10 +47,11 @@ from common.messages import (
 from common.node import STEP_GAP_S, Agenda
 from common.pace import LATE_S
 from common.side_work import LOOK_S, DeferredWorker, JobOutcome, WorkLost
+from onboard.planner.driving.drive_commands import COMMAND_MAX_S
 from onboard.planner.driving.net_rotation_balancing import AHEAD_RAD
 from onboard.planner.driving.zero_velocity_update import REST_EVERY_S, REST_S
 from onboard.planner.grid.deliberation import Deliberator, Query, deferred_deliberator, load
-from onboard.planner.planner import COMMAND_MAX_S, Planner
+from onboard.planner.planner import Planner
 from tests.unit.test_planner_grid_map import drawn, hall, update_of
 
 TICK_S = 0.005
