@@ -1,6 +1,6 @@
 """The outbox of comm: every recorded message of the robot's modules -> `OUTBOX`, until `RECEIPT` (CM_MR_01).
 
-Messages wait in the bus for at most ROW_PERIOD_S, then on the disk, and leave it when the recorder acknowledges that
+Messages wait in RAM for at most ROW_PERIOD_S, then on the disk, and leave it when the recorder acknowledges that
 its database has them. A message is identified by sender and number, so that it is stored once, whichever process is
 killed and however often the link is lost.
 
@@ -92,6 +92,7 @@ class Outbox:
         if self._bus is None:
             self._bus = bus
             self._begin_recording(bus)
+        self._collect()
         self._look_at_disk(now_s)
         self._take_receipts(bus, now_s)
         self._save(now_s)
@@ -208,12 +209,10 @@ class Outbox:
             self._next_rows_due = self._stored_bytes > len(rows.data)
 
     def _save(self, now_s: float) -> None:
-        """Takes what came and hands it over with what waits, when it is time; what is acknowledged is removed by the
-        way."""
+        """Hand over what waits, when it is time; what is acknowledged is removed by the way."""
         urgent = self._next_rows_due and self._disk_works
         if now_s < self._save_due_s and not urgent:
             return
-        self._collect()
         if self._disk.busy:
             return
         if not (self._waiting or self._dropped) and self._sender.acknowledged == self._removed:
