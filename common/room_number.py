@@ -27,6 +27,11 @@ def plain(text: str) -> str:
     return " ".join(text.translate(_FOLDED).translate(_FOLDED).split())
 
 
+def tight(text: str) -> str:
+    """Without spaces, but those between two digits."""
+    return _SPACE_BESIDE_NO_DIGIT.sub("", text)
+
+
 def key_of(number: str) -> str:
     """The key of a number in its shown form, or of a key: capitals, separators, a space only between two digits."""
-    return _SPACE_BESIDE_NO_DIGIT.sub("", plain(number).upper())
+    return tight(plain(number).upper())

@@ -167,7 +167,7 @@ def hall_figures(halls: Node, truth: FloatArray, path_m: float, space: FreeSpace
     return {"halls": float(passed.mean()), "ratio": path_m / (2 * halls.length("length_m"))}
 
 
-def _letters(text: object) -> str:
+def letters_of(text: object) -> str:
     """Capitals and digits only."""
     return re.sub(r"[^A-Z0-9]", "", str(text or "").upper())
 
@@ -195,8 +195,8 @@ def poi_figures(floor: dict[str, Any], pois: list[dict[str, Any]], found: Points
     doors = floor["doors"]
     served = _serve_doors(_positions(doors), found)
     shown = [(_shown(pois[b].get("number")), _shown(doors[a]["number"])) for a, b, _ in served]
-    read = [(_letters(pois[b].get("number")), _letters(doors[a]["number"])) for a, b, _ in served]
-    types = [(_letters(pois[b].get("room_type")), _letters(doors[a]["room_type"])) for a, b, _ in served]
+    read = [(letters_of(pois[b].get("number")), letters_of(doors[a]["number"])) for a, b, _ in served]
+    types = [(letters_of(pois[b].get("room_type")), letters_of(doors[a]["room_type"])) for a, b, _ in served]
     left_over = np.delete(found, [b for _, b, _ in served], axis=0)
     posters = _positions(floor["posters"])
     poster_gap_m = _distances_m(left_over[:, None] - posters[None, :])

@@ -211,9 +211,7 @@ class Outbox:
     def _save(self, now_s: float) -> None:
         """Hand over what waits, when it is time; what is acknowledged is removed by the way."""
         urgent = self._next_rows_due and self._disk_works
-        if now_s < self._save_due_s and not urgent:
-            return
-        if self._disk.busy:
+        if self._disk.busy or (now_s < self._save_due_s and not urgent):
             return
         if not (self._waiting or self._dropped) and self._sender.acknowledged == self._removed:
             return

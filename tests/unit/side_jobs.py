@@ -18,6 +18,8 @@ def counting(first: str = "0") -> Callable[[str], tuple[str, int]]:
             os._exit(3)
         if job == "raise":
             raise ValueError("no such job")
+        if job == "slow":
+            time.sleep(0.3)
         if job == "hang":
             time.sleep(600.0)
         if job == "print":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator
 
@@ -11,23 +10,9 @@ import pytest
 from common.side_work import Work
 from offboard.simulator.run.awaited_work import AwaitedWorker, WorkFailed
 from offboard.simulator.stopwatch import BESIDE, Stopwatch
+from tests.unit.side_jobs import counting
 
 LATENCY_S = 0.4
-
-
-def counting() -> Work[str, tuple[str, int]]:
-    count = 0
-
-    def work(job: str) -> tuple[str, int]:
-        nonlocal count
-        count += 1
-        if job == "slow":
-            time.sleep(0.3)
-        if job == "die":
-            os._exit(3)
-        return job, count
-
-    return work
 
 
 @pytest.fixture

@@ -137,9 +137,8 @@ def _cover(flat: npt.NDArray[np.float32], drawn: Drawn, rng: Random) -> None:
         edge = round(x0 + share * (x1 - x0)) if way == "left" else round(x1 - share * (x1 - x0))
         reach = round(rng.uniform(0.7, 3.0) * cap)
         rows = slice(max(round(top - 0.8 * cap), 0), round(bottom + 0.8 * cap)) if rng.random() < 0.3 else slice(None)
-        flat[rows, max(edge - reach, 0) : edge] = shade if way == "left" else flat[rows, max(edge - reach, 0) : edge]
-        if way == "right":
-            flat[rows, edge : edge + reach] = shade
+        hidden = slice(max(edge - reach, 0), edge) if way == "left" else slice(edge, edge + reach)
+        flat[rows, hidden] = shade
     elif way == "above":
         flat[: round(top + 0.6 * share * cap)] = shade
     else:

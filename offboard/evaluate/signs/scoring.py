@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from common.room_number import key_of
+from offboard.evaluate.figures import letters_of
 from offboard.evaluate.signs.layouts import Layout
 from offboard.evaluate.signs.scenes import Case, Kind
 
@@ -58,7 +59,7 @@ class Result:
     def is_right(self, answer: Answer) -> bool:
         """Separators kept; but a number on two lines shows none at the break."""
         if self.layout is Layout.TWO_LINES:
-            return _bare(answer.shown) == _bare(self.number)
+            return letters_of(answer.shown) == letters_of(self.number)
         return key_of(answer.shown) == key_of(self.number)
 
 
@@ -66,10 +67,6 @@ def result(case: Case, answers: Sequence[Answer]) -> Result:
     return Result(
         case.kind, case.index, case.form.name, case.layout, case.number, case.font, case.capitals_px, tuple(answers)
     )
-
-
-def _bare(number: str) -> str:
-    return "".join(c for c in number.upper() if c.isalnum())
 
 
 def shares(results: Iterable[Result], kind: Kind) -> dict[Outcome, float]:

@@ -1,4 +1,4 @@
-// What body.cpp shares with Python (offboard/simulator/physics/body.py has the same structures, field by field).
+// What body.cpp shares with Python (library.py has the same structures, field by field).
 #pragma once
 #include <stdint.h>
 

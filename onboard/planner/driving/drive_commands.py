@@ -44,13 +44,13 @@ class DriveCommands:
         newest = self._newest
         if not self._pace.due(now_s, urgent=newest is None or motion.speed is not newest.speed):
             return
-        holds = newest is not None and self._holds(newest, motion.speed, yaw_rad, now_s)
-        if newest is not None and holds:
-            self._newest = replace(newest, t_s=now_s)
+        if newest is not None and self._holds(newest, motion.speed, yaw_rad, now_s):
+            command, news = replace(newest, t_s=now_s), False
         else:
             self._id, self._began_s = self._id + 1, now_s
-            self._newest = DriveCommand(now_s, self._id, motion.speed, yaw_rad, boot=self._boot)
-        bus.publish(DRIVE, self._newest, news=not holds)
+            command, news = DriveCommand(now_s, self._id, motion.speed, yaw_rad, boot=self._boot), True
+        self._newest = command
+        bus.publish(DRIVE, command, news=news)
 
     def _holds(self, newest: DriveCommand, requested: Speed, yaw_rad: float, now_s: float) -> bool:
         """It is still what is wanted. In motion for COMMAND_MAX_S at most: bridge and board begin no command again

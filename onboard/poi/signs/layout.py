@@ -68,7 +68,10 @@ def arranged(
 ) -> Arrangement:
     """Finds the number on a sign. `is_type`: is a text a room type of the site? `alone`: only one that has its row."""
     rows = rows_of(lines)
-    known = lambda text: is_type(text) or is_service(text)  # noqa: E731
+
+    def known(text: str) -> bool:
+        return is_type(text) or is_service(text)
+
     found = [one for row in rows if (one := _in_row(row, match, None if alone else known)) is not None]
     stacked = _stacked(rows, match)
     # A part of a number on two lines may be a number by itself

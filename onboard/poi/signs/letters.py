@@ -23,9 +23,6 @@ DOT_ABOVE, DOT_BELOW = 0.4, 0.15  # as far from the letters dots and accents sta
 SPECK = 0.16  # height of the highest letter: lower ones are dots, dashes and dirt
 
 
-Grays = npt.NDArray[np.uint8]
-
-
 @dataclass(frozen=True, slots=True)
 class Letter:
     """A connected stroke, or several above one another, in pixels of the line's own picture.
@@ -47,10 +44,6 @@ class Letter:
     def bottom(self) -> float:
         return self.y + self.height
 
-    @property
-    def middle(self) -> float:
-        return self.x + self.width / 2
-
     def merged(self, other: Letter) -> Letter:
         x, y = min(self.x, other.x), min(self.y, other.y)
         width, height = max(self.right, other.right) - x, max(self.bottom, other.bottom) - y
@@ -66,8 +59,8 @@ class Strokes:
     the box above or below, as letters do not. `capital` is the height of most of the higher letters, 0 without any.
     """
 
-    ink: Grays
-    back: Grays
+    ink: Gray
+    back: Gray
     contrast: float
     margin: int
     letters: tuple[Letter, ...]
@@ -121,7 +114,7 @@ def _taken_apart(gray: Gray, m: int, dark: bool, characters: int) -> Strokes:
     return Strokes(ink, back, max(contrast, 1.0), m, letters, crossing, capital)
 
 
-def _connected(ink: Grays, mask: npt.NDArray[np.uint8], offset: int, crossing: npt.NDArray[np.bool_]) -> list[Letter]:
+def _connected(ink: Gray, mask: npt.NDArray[np.uint8], offset: int, crossing: npt.NDArray[np.bool_]) -> list[Letter]:
     """The letters; strokes that are none are marked in `crossing`."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     strokes: list[Letter] = []

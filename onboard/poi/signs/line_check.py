@@ -136,9 +136,7 @@ def _is_icon(one: Letter, rest: Sequence[Letter], capital: float, unread: bool) 
 def _damage(
     line: Strokes, capital: float, own: Sequence[Letter] | None, characters: Sequence[Character], spaces: int
 ) -> str:
-    tall = [a for a in line.letters if a.height >= 0.6 * capital] or list(line.letters)
-    top, bottom = min(a.y for a in tall), max(a.bottom for a in tall)
-    x0, x1 = line.letters[0].x, line.letters[-1].right
+    x0, x1, top, bottom = _extent(line, capital)
     core = slice(round(top + 0.1 * capital), round(bottom - 0.1 * capital))
     through = line.crossing[core, round(x0) : round(x1)].any(axis=0)
     if through.sum() > CROSSED * capital:
@@ -148,11 +146,15 @@ def _damage(
     return _covered(line, capital) or _missing(line, capital, own, characters, spaces) or _uneven(line, own, characters)
 
 
+def _extent(line: Strokes, capital: float) -> tuple[float, float, float, float]:
+    """Left and right end of the letters, and top and bottom of the high ones."""
+    tall = [a for a in line.letters if a.height >= 0.6 * capital] or list(line.letters)
+    return line.letters[0].x, line.letters[-1].right, min(a.y for a in tall), max(a.bottom for a in tall)
+
+
 def _covered(line: Strokes, capital: float) -> str:
     """Whether anything touches the line from a side: half a letter, or the border of what hides the rest of it."""
-    tall = [a for a in line.letters if a.height >= 0.6 * capital] or list(line.letters)
-    top, bottom = min(a.y for a in tall), max(a.bottom for a in tall)
-    x0, x1 = line.letters[0].x, line.letters[-1].right
+    x0, x1, top, bottom = _extent(line, capital)
     rows = slice(max(round(top + 0.1 * capital), 0), round(bottom - 0.1 * capital) + 1)
     columns = slice(max(round(x0), 0), round(x1) + 1)
     inked = (line.ink[rows] > DIFFERS * line.contrast).mean(axis=0) > COLUMN_BUSY

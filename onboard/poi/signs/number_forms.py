@@ -15,7 +15,7 @@ from itertools import combinations, product
 
 from common.config import PoiSection
 from common.number_presets import DEFAULT_PRESETS, OWN_PATTERN, PRESETS
-from common.room_number import key_of, plain
+from common.room_number import key_of, plain, tight
 from onboard.poi.signs.false_numbers import suspicion
 
 LETTERS_MAX = 12  # no room number has more, and a site's own pattern may take time that doubles with each
@@ -146,8 +146,8 @@ def _word_patterns(before: Sequence[str], behind: Sequence[str], beside: Sequenc
 
 def _spellings(text: str) -> list[str]:
     """As read, in capitals and in small letters; a space stays only where it parts two digits."""
-    tight = re.sub(r"(?<![0-9]) | (?![0-9])", "", text)
-    return list(dict.fromkeys((tight, tight.upper(), tight.lower())))
+    text = tight(text)
+    return list(dict.fromkeys((text, text.upper(), text.lower())))
 
 
 def _first_match(spellings: Sequence[str], forms: dict[str, re.Pattern[str]]) -> tuple[str, str, int] | None:
