@@ -236,8 +236,9 @@ def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:
     if BRIDGE not in config.comm.required:
         raise StartError(f'[comm] required names no "{BRIDGE}": without the bridge no permit reaches the board.')
     memory = spool_folder(folder)
-    spool = Spool(memory) if memory is not None else None
-    outbox = Outbox(folder / FILE_NAME, config.comm.outbox_limit_mb * 1_000_000, spool=spool)
+    file = folder / FILE_NAME
+    spool = Spool(memory, begins=not file.exists()) if memory is not None else None
+    outbox = Outbox(file, config.comm.outbox_limit_mb * 1_000_000, spool=spool)
     new_challenge = (lambda: secrets.token_bytes(CHALLENGE_BYTES)) if config.mesh.keys else None
     stops = StopKeeper(folder / RECORD_NAME, life=secrets.randbits(LIFE_BITS))
     return Comm(config.comm, stops, outbox, new_challenge, permit_file(), BoardReporter(Comm.name, folder))

@@ -36,7 +36,8 @@ class Spool:
     It is one safety net of several: an error of its file system only takes what is in it.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, begins: bool = False) -> None:
+        """`begins`: there was no outbox before; what is left is of another, whose log folder was removed since."""
         self._folder = folder
         self._lock = threading.Lock()
         with suppress(OSError):
@@ -44,6 +45,8 @@ class Spool:
         self._files = sorted(int(file.name) for file in folder.glob("*") if file.name.isdigit())
         self._number = self._files[-1] + 1 if self._files else 0
         self._open = -1
+        if begins:
+            self.forget(self._number + 1)
 
     def left(self) -> list[RecordedMessage]:
         """What an earlier process had not stored, in the order in which it came."""

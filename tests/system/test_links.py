@@ -31,6 +31,8 @@ from tests.system.recording import Recording, RobotMap
 
 pytestmark = pytest.mark.timeout(120)
 
+ONLOOKERS = Path(__file__).with_name("onlookers.py")
+
 
 @pytest.fixture
 def radio() -> Iterator[Radio]:
@@ -69,6 +71,30 @@ def test_a_link_that_loses_packets_and_then_is_late_leaves_no_hole_and_no_double
     radio.loss, radio.delay_s = 0.0, 0.2
     watched(mesh, 2.0)
     until(recording.more(100), 30.0, "messages over the late link")
+    recording.assert_once_and_in_order(recording.silence())
+
+
+@pytest.mark.requirement("CM_MR_01", "CM_MR_02")
+def test_many_who_look_on_and_are_out_of_reach_all_at_once_hold_up_nothing_on_the_robot(
+    mesh: Mesh, radio: Radio
+) -> None:
+    Recording(mesh, inside=radio.enter)
+    mesh.start("onlookers", str(ONLOOKERS), "5", inside=radio.enter)
+    until(lambda: "seen" in (mesh.folder / "onlookers.stdout").read_text(encoding="utf-8"), 20.0, "the onlookers")
+    radio.up = False
+    watched(mesh, 8.0)  # in which their links are given up, and closed
+
+
+@pytest.mark.slow
+@pytest.mark.requirement("CM_MR_01", "CM_MR_02")
+def test_a_link_that_is_late_by_half_a_second_and_loses_packets_holds_up_nothing_on_the_robot(
+    mesh: Mesh, radio: Radio
+) -> None:
+    recording = Recording(mesh, inside=radio.enter)
+    radio.loss, radio.delay_s = 0.15, 0.5
+    watched(mesh, 25.0)
+    radio.loss, radio.delay_s = 0.0, 0.0
+    until(recording.more(300), 30.0, "what was said meanwhile")
     recording.assert_once_and_in_order(recording.silence())
 
 

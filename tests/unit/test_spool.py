@@ -78,6 +78,15 @@ def test_nothing_is_left_of_one_that_was_closed(tmp_path: Path) -> None:
     assert not folder.exists()
 
 
+def test_what_is_left_of_a_run_whose_folder_was_removed_is_none_of_the_next_in_its_place(tmp_path: Path) -> None:
+    Spool(tmp_path).append(POSE.key, message(1))
+    spool = Spool(tmp_path, begins=True)
+    assert spool.left() == []
+    assert list(tmp_path.iterdir()) == []
+    spool.append(POSE.key, message(2))
+    assert left(tmp_path) == [2]
+
+
 def test_a_file_system_that_is_gone_stops_nothing(tmp_path: Path) -> None:
     spool = Spool(tmp_path / "not" / "there")
     spool.append(POSE.key, message(1))
