@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-# Closing a link that is gone holds a thread of Zenoh up for as long as ten seconds: TCP waits (SO_LINGER) for what nobody
-# acknowledges any more. Zenoh's five pools have one or two threads each, and when they are held up nothing is received
-# from anybody. Hence one pool for everything, with threads for all links that may go at once
+# Closing a link that is gone holds a thread of Zenoh for as long as ten seconds: TCP waits (SO_LINGER) for what nobody
+# acknowledges any more. Zenoh's five pools have one or two threads each, and when those are held up nothing is received
+# from anyone. Hence one pool for everything, with threads for all links that may go at once
 _ZENOH_RUNTIME = "(app:(worker_threads:8),rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app))"
 
 # One thread per library, since all processes share few cores; and freed memory goes back to the system: by default the

@@ -1,7 +1,8 @@
 """What a process receives of one topic: Zenoh's threads store raw bytes, which are decoded when the node looks.
 
 STATE topics: a subscriber queries everything since the newest full snapshot when it joins, when the publisher appears,
-and when what an increment goes on from is missing, and keeps what comes live until the reply.
+and when what an increment goes on from is missing, and keeps what comes live until the reply. When nothing came for a
+while it asks for what is newer: after the last message no other shows that it was lost.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from common.bus import QUEUE_LENGTH
 from common.clock import Clock
 from common.codec import DecodeError, Envelope, decode
 from common.messages import QosProfile, Topic
-from common.recording import unpack_messages
+from common.recording import gap_query, unpack_messages
 from common.undecodable import Undecodable
 from common.zenoh_end import Arrival, ZenohEnd
 
@@ -26,6 +27,7 @@ P = TypeVar("P")
 
 QUERY_TIMEOUT_S = 1.0
 _QUERY_PAUSE_S = 0.3  # a publisher whose numbers have holes is not queried all the time
+_SILENCE_S = 3.0  # wall time
 _KNOWN_BOOTS = 16
 
 Refuses = Callable[[Topic[Any], Envelope[Any], bytes, bytes], bool]
@@ -83,15 +85,18 @@ class Inbox(Generic[P]):
         self._lock = threading.Lock()
         self._query_due = self._is_state
         self._query_running = self._query_refused = self._query_replied = False
-        self._queried_wall_s = float("-inf")
+        self._queried_wall_s = self._came_wall_s = float("-inf")
+        self._is_of_own = False  # what came last: that cannot be lost
         end.read(topic, self)
 
     def look(self) -> None:
         """Decodes all that came; while a query runs, what came live waits for its reply."""
-        # Queried again while nothing at all came: subscription and first message may have crossed
-        empty = self._is_state and self.newest is None
-        if (self._query_due or empty) and not self._query_running:
-            self._query()
+        if self._is_state and not self._query_running:
+            # Queried again while nothing at all came: subscription and first message may have crossed
+            if self._query_due or self.newest is None:
+                self._query(b"")
+            elif not (self._pending or self._is_of_own) and self._is_silent():
+                self._query(gap_query(self.sequences))
         if self._query_running or not (self._pending or self._replies):
             return
         with self._lock:
@@ -99,9 +104,14 @@ class Inbox(Generic[P]):
             live = list(self._pending)
             self._pending.clear()
         replied, self._query_replied = self._query_replied, False
+        self._came_wall_s = time.monotonic()
         for arrived_s, pack in replies:
             for data in unpack_messages(pack):
-                self._accept(arrived_s, self._decoder.decode(self._topic, data))
+                newer = self._decoder.decode(self._topic, data)
+                if not replied and newer is not None and self._misses_some(newer):
+                    self._query_due = True
+                    break
+                self._accept(arrived_s, newer)
         for i, (arrived_s, arrival) in enumerate(live):
             envelope = self._decoder.read(self._topic, arrival)
             if envelope is None or self._refuses(self._topic, envelope, arrival.data, arrival.signature):
@@ -111,6 +121,7 @@ class Inbox(Generic[P]):
                 with self._lock:
                     self._pending = deque([*live[i:], *self._pending], maxlen=QUEUE_LENGTH)
                 return
+            self._is_of_own = arrival.is_own
             self._accept(self._clock.arrival_s(arrived_s), envelope)
 
     def take(self) -> list[P]:
@@ -157,7 +168,11 @@ class Inbox(Generic[P]):
         if self._queue is not None:
             self._queue.append(envelope.payload)
 
-    def _query(self) -> None:
+    def _is_silent(self) -> bool:
+        return time.monotonic() - max(self._came_wall_s, self._queried_wall_s) > _SILENCE_S
+
+    def _query(self, newer_than: bytes) -> None:
+        """For everything since the newest full snapshot; or for what is newer, as `gap_query` says it."""
         wall_s = time.monotonic()
         if wall_s - self._queried_wall_s < _QUERY_PAUSE_S:
             return
@@ -173,13 +188,14 @@ class Inbox(Generic[P]):
                     self._replies.append(arrival)
 
         def finished() -> None:
-            self._query_replied = not self._query_refused
+            self._query_replied = not (self._query_refused or newer_than)
             self._query_due |= self._query_refused
             self._query_running = False
 
         self._end.session_for(self._topic).get(
             self._end.key(self._topic),
             zenoh.handlers.Callback(store, finished, indirect=False),
+            payload=newer_than or None,
             timeout=QUERY_TIMEOUT_S,
             consolidation=zenoh.ConsolidationMode.NONE,
         )

@@ -1,8 +1,8 @@
 """What a process publishes on one topic: numbered, sent, and kept for queries.
 
-STATE topics reply to a query with everything since the newest full snapshot. Recorded topics reply to a query with a
-payload (`recording.gap_query`) from their newest messages, so that who records them misses nothing while it is
-restarted. A query beyond the budget of the process is refused, and comes again.
+STATE topics reply to a query with everything since the newest full snapshot. A query with a payload
+(`recording.gap_query`) gets of that only what is newer; on recorded topics, of the newest messages, so that who records
+them misses nothing while it is restarted. A query beyond the budget of the process is refused, and comes again.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ class Outbox(Generic[P]):
         self._end, self._topic, self._unfit = end, topic, Undecodable(UNFIT)
         self._key, self._boot_id, self._replies = end.key(topic), boot_id, replies
         self._lock = threading.Lock()
-        self._history: list[bytes] | None = [] if topic.qos is QosProfile.STATE else None  # since the newest snapshot
+        # Since the newest snapshot, with their numbers
+        self._history: list[tuple[int, bytes]] | None = [] if topic.qos is QosProfile.STATE else None
         self._recent = RecentMessages() if topic.recorded else None
         session = end.session_for(topic)
         self._publisher: Any = None
@@ -109,16 +110,18 @@ class Outbox(Generic[P]):
                 # An increment (`MapUpdate.start` > 0) is worth nothing without what it goes on from
                 if not getattr(payload, "start", 0):
                     self._history.clear()
-                self._history.append(data)
+                self._history.append((self.sequence, data))
 
     def _reply(self, query: zenoh.Query) -> None:
         payload = query.payload
         if payload is not None and len(payload) > QUERY_BYTES_MAX:
             return
+        after = queried_after(bytes(payload), self._boot_id) if payload is not None else 0
         with self._lock:
-            messages = list(self._history or ())
             if payload is not None and self._recent is not None:
-                messages = self._recent.after(queried_after(bytes(payload), self._boot_id))
+                messages = self._recent.after(after)
+            else:
+                messages = [data for number, data in self._history or () if number > after]
         if self._replies.refuses(self._key, messages):
             query.reply_err(b"later")
         else:

@@ -152,9 +152,9 @@ def assert_one_map_everywhere(run_dir: Path) -> None:
     config = load_config(config_file)
     bus = ZenohBus("observer", config, FreeClock())
     try:
-        until(lambda: run_cli("pause", "--config", str(config_file)).returncode == 0, 30.0, "the pause")
         robot = RobotMap(bus)
-        until(lambda: len(robot.points()) > 0, 20.0, "a map")
+        until(lambda: len(robot.points()) > 0, 40.0, "a map")
+        until(lambda: run_cli("pause", "--config", str(config_file)).returncode == 0, 30.0, "the pause")
 
         def same() -> bool:
             points = robot.points()

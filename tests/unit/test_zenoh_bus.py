@@ -32,6 +32,7 @@ from common.messages import (
     PoseEstimate,
     Status,
     StopRequest,
+    Topic,
 )
 from common.zenoh_bus import LOST_S, ZenohBus
 from common.zenoh_session import Channel, session_config
@@ -205,6 +206,33 @@ def test_missed_increments_are_queried(open_bus: Open, config: Config) -> None:
         time.sleep(0.02)
     assert sorted(set(starts)) == list(range(max(starts) + 1))
     assert starts == sorted(starts)
+
+
+@pytest.mark.parametrize(("topic", "first", "last"), [(MAP, wall(0, 1), wall(1, 1)), (GRID, grid(1), grid(2))])
+def test_the_last_message_of_all_is_missed_by_nobody_and_silence_costs_nothing(
+    open_bus: Open, monkeypatch: pytest.MonkeyPatch, topic: Topic[Any], first: Any, last: Any
+) -> None:
+    monkeypatch.setattr("common.zenoh_inbox._SILENCE_S", 0.2)
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("observer")
+    got: list[Any] = []
+
+    def count() -> int:
+        got.extend(receiver.take(topic))
+        return len(got)
+
+    sender.publish(topic, first)
+    until(lambda: count() == 1)
+    # The receiver's subscription is away for a moment, as while a router is restarted
+    subscriptions, inbox = receiver._end._read, receiver._inboxes[topic.key]
+    subscriptions._subscribers.pop(topic.bundle_key or topic.key).undeclare()
+    sender.publish(topic, last)
+    subscriptions.add(topic, inbox)
+    until(lambda: count() == 2)
+    replies: list[list[bytes]] = []
+    monkeypatch.setattr(sender._replies, "refuses", lambda _, messages: replies.append(messages))
+    until(lambda: count() == 2 and len(replies) > 2)
+    assert not any(replies)
 
 
 def test_a_query_that_is_refused_is_repeated(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
