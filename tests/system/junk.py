@@ -29,7 +29,9 @@ def huge() -> list[bytes]:
 def throw(config: Config, payloads: list[bytes], keys: Collection[str]) -> None:
     """Each payload at each topic, once: by itself, or where its messages travel in bundles, as one and within one."""
     bundles = {topic.key: topic.bundle_key for topic in TOPICS if topic.bundle_key}
-    with zenoh.open(session_config(Channel("client", connect=(config.mesh.router,)))) as stranger:
+    patient = session_config(Channel("client", connect=(config.mesh.router,)))
+    patient.insert_json5("transport/link/tx/queue/congestion_control/block/wait_before_close", "10000000")
+    with zenoh.open(patient) as stranger:
 
         def put(key: str, payload: bytes) -> None:
             stranger.put(f"{config.robot.name}/{key}", payload, congestion_control=zenoh.CongestionControl.BLOCK)
