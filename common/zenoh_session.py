@@ -30,7 +30,7 @@ from common.config import Config
 from common.errors import StartError
 from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
 from common.messages import CLOCK, STOP
-from common.modules import OFFBOARD, ON_ROBOT
+from common.modules import OFFBOARD, ON_ROBOT, Board, on
 from common.recording import MESSAGE_BYTES_MAX
 
 Mode = Literal["peer", "client", "router"]
@@ -52,10 +52,13 @@ _COMMANDS = "{} commands"  # the name of the session that carries nothing else
 # at the port of the router beside it, so that several meshes go side by side
 NEIGHBOURS = (*(name for name in ON_ROBOT if name != ROBOT_ROUTER), CLOCK.producer)
 PEER_HOSTS = tuple(f"127.0.0.{i}" for i in range(2, 2 + len(NEIGHBOURS)))  # the routers have 127.0.0.1
-_THROUGH_ROUTER: Mode = "router"  # a router passes nothing from one peer to another, and no client begins without it
 # They reach the robot through the recorder's router, also where all is on one machine; who stops it does not depend on
 # that
 _BEHIND_RECORDER = (*(name for name in OFFBOARD if name != STOP.producer), "simulator", "local")
+# Sessions that reach others only through a router: it passes nothing between peers but from one region to another, so
+# each of these is a region by itself. As clients they could not begin without the router. As routers they would be told
+# nothing when they are back too soon: a router's trees of routes, computed at most every 100 ms, would never know of it
+_REGIONS = (*_BEHIND_RECORDER, STOP.producer, _COMMANDS.format(STOP.producer), *on(Board.RASPBERRY))
 _CLOSE_TIMEOUT_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -70,6 +73,7 @@ class Channel:
     connect: tuple[str, ...] = ()
     keys: Path | None = None  # folder of the certificate that it shows, for TLS
     rules: access.Rules | None = None
+    region: str = ""  # of a peer that reaches others only through a router
 
 
 def main_channel(name: str, mode: Mode, config: Config) -> Channel:
@@ -87,7 +91,7 @@ def main_channel(name: str, mode: Mode, config: Config) -> Channel:
         keys, rules = _keys(config, "laptop"), access.laptop_rules(robot)
         return Channel("router", (mesh.laptop_router,), (mesh.robot,), keys, rules)
     if away and (mode == "client" or name in access.ROLES["pi"]):
-        return _straight_to_robot(name, mode, config)
+        return _straight_to_robot(name, name, mode, config)
     if mode == "client":
         return Channel("client", connect=(mesh.router,))
     return _beside_router(name, away, config)
@@ -98,7 +102,7 @@ def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
     if mode != "peer" or name != STOP.producer:
         return None
     if config.mesh.robot:
-        return _straight_to_robot(name, mode, config)
+        return _straight_to_robot(name, _COMMANDS.format(name), mode, config)
     return _beside_router(_COMMANDS.format(name), False, config)
 
 
@@ -115,10 +119,10 @@ def lease_s(name: str, clock_lease_s: float) -> float:
 def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
     """A peer's, on loopback: it connects to the router, and on the robot to the NEIGHBOURS before it."""
     if on_laptop or session in _BEHIND_RECORDER:
-        return Channel(_THROUGH_ROUTER, connect=(config.mesh.laptop_router,))
+        return Channel("peer", connect=(config.mesh.laptop_router,), region=session)
     router = config.mesh.router
     if session == STOP.producer:
-        return Channel(_THROUGH_ROUTER, connect=(router,))
+        return Channel("peer", connect=(router,), region=session)
     port = router.rpartition(":")[2]
     addresses = {name: f"tcp/{host}:{port}" for name, host in zip(NEIGHBOURS, PEER_HOSTS, strict=True)}
     own = addresses.get(session)
@@ -128,9 +132,9 @@ def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
     return Channel("peer", (own,) if own else (), (router, *(addresses[name] for name in there)))
 
 
-def _straight_to_robot(name: str, mode: Mode, config: Config) -> Channel:
-    how: Mode = "client" if mode == "client" else _THROUGH_ROUTER
-    return Channel(how, connect=(config.mesh.robot,), keys=_keys(config, access.role_of(name)))
+def _straight_to_robot(name: str, session: str, mode: Mode, config: Config) -> Channel:
+    keys = _keys(config, access.role_of(name))
+    return Channel(mode, connect=(config.mesh.robot,), keys=keys, region="" if mode == "client" else session)
 
 
 def _keys(config: Config, role: str) -> Path:
@@ -158,6 +162,13 @@ def session_config(channel: Channel, lease_s: float = FREE_LEASE_S) -> zenoh.Con
     }
     if channel.mode == "client":
         values |= {"connect/timeout_ms": 1500, "connect/exit_on_failure": True}
+    if channel.region:
+        values["region_name"] = channel.region
+    if channel.mode == "router":
+        regions = [{"region_names": [region]} for region in dict.fromkeys(_REGIONS)]
+        values["gateway"] = {
+            "south": [{"filters": [f]} for f in (*regions, {"modes": ["client"]}, {"modes": ["peer"]})]
+        }
     if channel.keys is not None:
         values["transport/link/tls"] = _tls(channel.keys)
     if channel.rules is not None:

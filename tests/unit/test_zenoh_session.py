@@ -71,7 +71,7 @@ def test_who_shares_the_process_of_the_router_is_reached_there() -> None:
 
 def test_what_is_no_part_of_the_robot_reaches_it_through_the_router_of_the_laptop() -> None:
     for module in ("visualizer", "simulator", "local"):
-        assert main_channel(module, "peer", Config()) == Channel("router", connect=(LAPTOP_ROUTER,))
+        assert main_channel(module, "peer", Config()) == Channel("peer", connect=(LAPTOP_ROUTER,), region=module)
 
 
 def test_meshes_with_routers_of_their_own_share_no_address() -> None:
