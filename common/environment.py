@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-# Closing a link that is gone holds a thread of Zenoh for as long as ten seconds: TCP waits (SO_LINGER) for what nobody
-# acknowledges any more. Zenoh's five pools have one or two threads each, and when those are held up nothing is received
-# from anyone. Hence one pool for everything, with threads for all links that may go at once
+# One pool of threads instead of Zenoh's five with one or two each. A link that breaks off in its handshake may hold up
+# who closes it for ten seconds (`zenoh_session.let_go_at_once` reaches only those that stand), and while that thread is
+# the only one of its pool nothing is received from anyone
 _ZENOH_RUNTIME = "(app:(worker_threads:8),rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app))"
 
 # One thread per library, since all processes share few cores; and freed memory goes back to the system: by default the

@@ -29,6 +29,7 @@ from common.zenoh_session import (
     close_sessions,
     command_channel,
     direct,
+    let_go_at_once,
     main_channel,
     open_session,
     watch_links,
@@ -132,6 +133,8 @@ class ZenohEnd:
                 self._read_commands = Subscriptions(self.command_session, self._robot)
             self._every = tuple(dict.fromkeys((self._read, self._read_commands)))
             self._link_watch = watch_links(self.session) if main.rules is not None else None
+            sessions = (self.session,) if commands is None else (self.session, self.command_session)
+            self._letting_go = [let_go_at_once(session) for session in sessions]
         except BaseException:
             self.close()
             raise

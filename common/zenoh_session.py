@@ -14,6 +14,9 @@ from __future__ import annotations
 
 import json
 import logging
+import os
+import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -60,6 +63,7 @@ _BEHIND_RECORDER = (*(name for name in OFFBOARD if name != STOP.producer), "simu
 # nothing when they are back too soon: a router's trees of routes, computed at most every 100 ms, would never know of it
 _REGIONS = (*_BEHIND_RECORDER, STOP.producer, _COMMANDS.format(STOP.producer), *on(Board.RASPBERRY))
 _CLOSE_TIMEOUT_S = 1.0
+_NO_LINGER = struct.pack("ii", 0, 0)
 
 _log = logging.getLogger(__name__)
 
@@ -226,6 +230,35 @@ def _log_link(event: zenoh.LinkEvent) -> None:
     else:
         commands = "taken" if access.may_command(role) else "refused"
         _log.info("a machine has joined certificate=%s commands=%s", role, commands)
+
+
+def let_go_at_once(session: zenoh.Session) -> Any:
+    """Makes that closing a link waits for nothing; keep the handle.
+
+    Zenoh has TCP wait up to ten seconds for what is not acknowledged (SO_LINGER), in a thread that others need: links
+    of machines that are out of reach would hold up everybody else's.
+    """
+    return session.info.declare_link_events_listener(direct(_let_go_at_once), history=True)
+
+
+def _let_go_at_once(event: zenoh.LinkEvent) -> None:
+    if event.kind == zenoh.SampleKind.DELETE:
+        return
+    ends = [_address(endpoint) for endpoint in (event.link.src, event.link.dst)]
+    for descriptor in map(int, os.listdir("/proc/self/fd")):
+        with suppress(OSError):  # no socket, or none with another end
+            link = socket.socket(fileno=descriptor)
+            try:
+                if [link.getsockname()[:2], link.getpeername()[:2]] == ends:
+                    link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
+            finally:
+                link.detach()  # it is Zenoh's
+
+
+def _address(endpoint: str) -> tuple[str, int]:
+    """Of "tcp/127.0.0.1:7447", as Python's sockets have it."""
+    host, _, port = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
+    return host.strip("[]"), int(port)
 
 
 def close_sessions(sessions: Iterable[zenoh.Session]) -> bool:
