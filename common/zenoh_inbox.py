@@ -2,7 +2,7 @@
 
 STATE topics: a subscriber queries everything since the newest full snapshot when it joins, when the publisher appears,
 and when what an increment goes on from is missing, and keeps what comes live until the reply. When nothing came for a
-while it asks for what is newer: after the last message no other shows that it was lost.
+while it queries what is newer: after the last message no other shows that it was lost.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Robot: comm is the router, on loopback and, with keys, on one TLS address; the modules beside it are peers on loopback
 and keep their links when it goes. Laptop: the recorder is the router on loopback, and joins comm's over TLS; poi on its
-own board does that too, and the command center for its commands, so that a stop passes through nothing but comm. With
+own board joins that too, and the command center for its commands, so that a stop passes through nothing but comm. With
 everything on one machine it is the same, without TLS. Modules that share comm's process share its session.
 
 Peers know each other's addresses, and of two the later in NEIGHBOURS connects, again and again for as long as it takes.
@@ -59,8 +59,8 @@ PEER_HOSTS = tuple(f"127.0.0.{i}" for i in range(2, 2 + len(NEIGHBOURS)))  # the
 # that
 _BEHIND_RECORDER = (*(name for name in OFFBOARD if name != STOP.producer), "simulator", "local")
 # Sessions that reach others only through a router: it passes nothing between peers but from one region to another, so
-# each of these is a region by itself. As clients they could not begin without the router. As routers they would be told
-# nothing when they are back too soon: a router's trees of routes, computed at most every 100 ms, would never know of it
+# each of these is a region by itself. As clients they could not begin without the router. As routers they would receive
+# no declarations when they are back too soon: trees of routes, computed at most every 100 ms, would not show it
 _REGIONS = (*_BEHIND_RECORDER, STOP.producer, _COMMANDS.format(STOP.producer), *on(Board.RASPBERRY))
 _CLOSE_TIMEOUT_S = 1.0
 _NO_LINGER = struct.pack("ii", 0, 0)

@@ -6,19 +6,35 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+
 from common.config import Config, load_config
+from common.errors import StartError
 from deploy.service.config_file import write_config
 from onboard.poi.camera.calibration import field_of_view_deg
 from onboard.poi.camera.frame_source import read_photo
-from onboard.poi.doors.door_detection import calibrated_box
+from onboard.poi.doors.door_calibration import WALL_SHARE_MAX, calibrated_box, door_of, marked, wall_of
 
 
 def calibrate_doors(arguments: argparse.Namespace) -> int:
     config = _config_to_write(arguments.config)
-    box = str(calibrated_box(read_photo(arguments.photo)))
-    colours = tuple(dict.fromkeys((*config.poi.door_colours, box)))
+    photo = read_photo(arguments.photo)
+    wall = wall_of(photo) if arguments.wall is None else read_photo(arguments.wall)
+    box, share = calibrated_box(door_of(photo), wall)
+    mask = arguments.photo.with_name(f"{arguments.photo.stem}-door.png")
+    mask.write_bytes(cv2.imencode(".png", marked(photo, box))[1].tobytes())
+    if share > WALL_SHARE_MAX:
+        raise StartError(
+            f"The wall has the colour of the door: {box} holds {100 * share:.0f} % of it, {mask} shows bright what "
+            "counts as door. Take the photo from where wall stands left and right of the door, or give one of the wall "
+            "with --wall; doors in the wall's colour need no calibration."
+        )
+    colours = tuple(dict.fromkeys((*config.poi.door_colours, str(box))))
     write_config(arguments.config, replace(config, poi=replace(config.poi, door_colours=colours)))
-    print(f"Doors are {box}, written to {arguments.config}. Repeat with a photo of every other colour of doors.")
+    print(
+        f"Doors are {box}, written to {arguments.config}; {mask} shows bright what counts as door. Repeat with a photo "
+        "of every other colour of doors."
+    )
     return 0
 
 

@@ -45,8 +45,9 @@ def add_verbs(verbs: Any) -> None:
 
 
 def _add_photo_calibrations(things: Any) -> None:
-    doors = things.add_parser("doors", help="the colour of doors, from a photo whose middle a door fills")
-    doors.add_argument("photo", metavar="PHOTO", type=Path)
+    doors = things.add_parser("doors", help="the colour of doors, from a photo of one and of the wall beside it")
+    doors.add_argument("photo", metavar="PHOTO", type=Path, help="a door in its middle, wall left and right of it")
+    doors.add_argument("--wall", metavar="PHOTO", type=Path, help="of the wall, where the other shows none")
     doors.set_defaults(run=_calibrate_doors)
     camera = things.add_parser("camera", help="the field of view, from photos of a chessboard")
     camera.add_argument("photos", metavar="PHOTO", type=Path, nargs="+")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import pi
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -11,7 +12,8 @@ import pytest
 from common.config import PoiSection
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.doors.door_association import State
-from onboard.poi.doors.door_detection import ColourBox, DoorDetector, DoorEdge, Side, calibrated_box, door_edges
+from onboard.poi.doors.door_calibration import WALL_SHARE_MAX, calibrated_box, door_of, wall_of
+from onboard.poi.doors.door_detection import ColourBox, DoorDetector, DoorEdge, Side, door_edges
 from onboard.poi.doors.door_records import DoorRecords
 from onboard.poi.doors.observations import Sign
 from onboard.poi.placement.wall_line import WallLine, WallPoint
@@ -63,18 +65,40 @@ def test_wall_that_was_met_behind_a_door_is_taken_for_the_wall() -> None:
 
 
 def test_calibrated_colours_find_what_lies_in_their_box() -> None:
-    box = calibrated_box(picture((0, 640)))
+    photo = picture((80, 560))
+    box, share = calibrated_box(door_of(photo), wall_of(photo))
+    assert share == 0.0
     edges = seen(DoorDetector((box,)), picture((200, 500)))
     assert [e.side for e in edges] == [Side.LEFT, Side.RIGHT]
     assert ColourBox.parse(str(box)) == box
 
 
+def plain(*bgr: int) -> npt.NDArray[np.uint8]:
+    return np.full((100, 100, 3), bgr, np.uint8)
+
+
 def test_box_of_red_doors_wraps_the_hue() -> None:
-    red = np.zeros((100, 100, 3), np.uint8)
-    red[:, :50], red[:, 50:] = (20, 20, 200), (50, 20, 200)
-    box = calibrated_box(red)
+    red = np.hstack([plain(20, 20, 200), plain(50, 20, 200)])
+    box, _ = calibrated_box(red, plain(*WALL_BGR))
     assert box.low[0] > box.high[0]
     assert box.holds(np.array([[[178, 220, 200], [90, 220, 200]]], np.uint8)).tolist() == [[True, False]]
+
+
+def test_a_door_of_every_hue_or_of_none_is_found_in_all_of_them() -> None:
+    hues = np.linspace(0, 179, 200).astype(np.uint8)
+    hsv = np.stack([hues, np.full(200, 150, np.uint8), np.full(200, 90, np.uint8)], axis=-1)
+    colourful = cv2.cvtColor(np.tile(hsv, (100, 1, 1)), cv2.COLOR_HSV2BGR)
+    for door in (colourful, plain(90, 91, 90)):
+        box, share = calibrated_box(door, plain(*WALL_BGR))
+        assert (box.low[0], box.high[0], share) == (0, 179, 0.0)
+
+
+def test_the_box_is_as_wide_as_the_wall_allows() -> None:
+    door, far, near = plain(100, 100, 100), plain(230, 230, 230), plain(130, 130, 130)
+    wide, narrow = (calibrated_box(door, wall)[0] for wall in (far, near))
+    assert wide.high[2] > narrow.high[2]
+    assert not narrow.holds(cv2.cvtColor(near, cv2.COLOR_BGR2HSV)).any()
+    assert calibrated_box(door, plain(101, 101, 101))[1] > WALL_SHARE_MAX
 
 
 def test_specks_are_no_doors() -> None:

@@ -297,13 +297,36 @@ def test_read_signs_without_a_photo_reports_what_it_needs(tmp_path: Path, capsys
     assert "There is no photo" in capsys.readouterr().err
 
 
-def test_calibrate_doors_writes_their_colours(tmp_path: Path) -> None:
-    photo, config = tmp_path / "door.png", tmp_path / "robot.toml"
-    cv2.imwrite(str(photo), np.full((480, 640, 3), (62, 104, 150), np.uint8))
+def door_photo(file: Path, wall: tuple[int, int, int]) -> Path:
+    """A brown door in the middle, wall left and right of it."""
+    photo = np.full((480, 640, 3), wall, np.uint8)
+    photo[:, 100:540] = (62, 104, 150)
+    cv2.imwrite(str(file), photo)
+    return file
+
+
+def test_calibrate_doors_writes_their_colours_and_shows_what_counts_as_door(tmp_path: Path) -> None:
+    photo, config = door_photo(tmp_path / "door.png", (222, 230, 232)), tmp_path / "robot.toml"
     for _ in range(2):
         assert main(["calibrate", "doors", str(photo), "--config", str(config)]) == 0
     (colour,) = load_config(config).poi.door_colours
     assert colour.startswith("H8-20 ")
+    mask = cv2.imread(str(tmp_path / "door-door.png"))
+    assert mask[240, 320].tolist() == [62, 104, 150]
+    assert mask[240, 10].max() < 60
+
+
+def test_calibrate_doors_refuses_what_does_not_tell_door_from_wall(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photo, config = door_photo(tmp_path / "door.png", (64, 106, 152)), tmp_path / "robot.toml"
+    assert main(["calibrate", "doors", str(photo), "--config", str(config)]) == 2
+    assert "The wall has the colour of the door" in capsys.readouterr().err
+    assert not config.exists()
+    assert (tmp_path / "door-door.png").exists()
+    wall = tmp_path / "wall.png"
+    cv2.imwrite(str(wall), np.full((480, 640, 3), (222, 230, 232), np.uint8))
+    assert main(["calibrate", "doors", str(photo), "--wall", str(wall), "--config", str(config)]) == 0
 
 
 def test_calibrate_camera_measures_the_field_of_view(tmp_path: Path) -> None:

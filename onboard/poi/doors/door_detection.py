@@ -11,7 +11,6 @@ import re
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
-from math import pi
 
 import cv2
 import numpy as np
@@ -151,21 +150,6 @@ def door_edges(door: Mask, solid_px: float) -> list[DoorEdge]:
         for before, u, after in zip(bounds[:-2], bounds[1:-1], bounds[2:], strict=True)
         if min(u - before, after - u) >= solid_px
     ]
-
-
-def calibrated_box(photo: Image) -> ColourBox:
-    """The box of the colour in the middle of a photo that a door fills: 3rd to 97th percentile, a little widened."""
-    rows, columns = photo.shape[0], photo.shape[1]
-    middle = photo[rows // 4 : 3 * rows // 4, columns // 4 : 3 * columns // 4]
-    hsv = cv2.cvtColor(cv2.GaussianBlur(middle, (0, 0), 2.0), cv2.COLOR_BGR2HSV).reshape(-1, 3).astype(np.float64)
-    # Hue is an angle: it is measured from its own mean direction
-    mean_hue = np.angle(np.exp(1j * hsv[:, 0] * pi / 90).mean()) * 90 / pi
-    hsv[:, 0] = (hsv[:, 0] - mean_hue + 90) % 180 - 90
-    low, high = np.percentile(hsv, 3, axis=0) - (6, 30, 50), np.percentile(hsv, 97, axis=0) + (6, 30, 50)
-    h0, h1 = ((limit + mean_hue) % 180 for limit in (low[0], high[0]))
-    s0, v0 = np.maximum(low[1:], 0)
-    s1, v1 = np.minimum(high[1:], 255)
-    return ColourBox((int(h0), int(s0), int(v0)), (int(h1), int(s1), int(v1)))
 
 
 def _luminance(colours: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
