@@ -165,7 +165,7 @@ class Survey:
         for edge in self._doors.edges(preview, self._preview_camera, wall, self._driven_m):
             point = wall.point(pose, self._preview_camera.bearing_rad(edge.u_px))
             if point is not None:
-                self.records.add_edge(edge.side, point, now_s)
+                self.records.add_edge(edge.side, point, now_s, edge.rises)
 
     def _worth_reading(self, box: Box, camera: CameraModel, pose: Pose2, wall: WallLine) -> bool:
         point = wall.point(pose, camera.bearing_rad(box.centre_px[0]))

@@ -25,6 +25,7 @@ CAMERA = CameraModel(640, 480)
 SITE = site_numbers(PoiSection())
 WALL = WallLine(1.3, 0.0)
 WALL_BGR, DOOR_BGR = (222, 230, 232), (62, 104, 150)
+BARE = np.full((9, 9, 3), WALL_BGR, np.uint8)
 
 
 def picture(*doors: tuple[int, int], light: float = 1.0) -> npt.NDArray[np.uint8]:
@@ -235,6 +236,27 @@ def test_outline_around_a_poster_is_no_door() -> None:
     for _ in range(2):
         records.add_sign(on_wall(3.3), 7.0, other())
     assert records.doors() == []
+
+
+def test_a_poster_on_its_leaf_leaves_a_door_that_rises_above_it_unread() -> None:
+    records = DoorRecords(lambda left, right: True, SITE)
+    for i in range(6):
+        records.add_edge(Side.LEFT, on_wall(3.5), float(i), None if i % 2 else True)
+        records.add_edge(Side.RIGHT, on_wall(2.5), float(i), True)
+    for _ in range(2):
+        records.add_sign(on_wall(3.3), 7.0, other())
+    assert [door.state for door in records.doors()] == [State.UNREAD]
+
+
+@pytest.mark.parametrize("colours", [(), (str(calibrated_box(np.full((9, 9, 3), DOOR_BGR, np.uint8), BARE)[0]),)])
+def test_edges_of_a_door_rise_above_what_hangs_on_walls_and_those_of_a_board_do_not(colours: tuple[str, ...]) -> None:
+    door, board = picture((200, 500)), picture((200, 500))
+    board[: round(CAMERA.row_px(1.8, WALL.distance_m))] = WALL_BGR
+    boxes = tuple(ColourBox.parse(colour) for colour in colours)
+    for image, rises in ((door, True), (board, False)):
+        assert [edge.rises for edge in seen(DoorDetector(boxes), image)] == [rises, rises]
+    near = WallLine(1.0, 0.0)  # from where the picture does not reach so high
+    assert [edge.rises for edge in DoorDetector(boxes).edges(door, CAMERA, near, 0.0)] == [None, None]
 
 
 def test_single_reading_of_a_number_that_another_door_has_is_dropped() -> None:

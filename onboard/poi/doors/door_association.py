@@ -90,11 +90,14 @@ def _plates_of(spans: list[Span], plates: list[Sign]) -> dict[int, int]:
 
 
 def _well_observed(left: Edge, right: Edge, posters: list[Sign]) -> bool:
-    """A door without a plate counts when its edges were observed often and enclose no poster."""
+    """A door without a plate counts when its edges were observed often.
+
+    Around a poster they may be those of a board, unless they rise above what hangs on walls.
+    """
+    if min(left.place.count, right.place.count) < OBSERVATIONS_UNREAD_MIN:
+        return False
     a, b = left.place.point, right.place.point
-    return min(left.place.count, right.place.count) >= OBSERVATIONS_UNREAD_MIN and not any(
-        _gap_m(a, b, poster.place.point) == 0.0 for poster in posters
-    )
+    return min(left.rising, right.rising) > 0 or not any(_gap_m(a, b, poster.place.point) == 0.0 for poster in posters)
 
 
 def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:

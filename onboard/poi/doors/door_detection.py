@@ -2,13 +2,14 @@
 
 The detector reads a band of the wall at the height of door handles, below every sign: there a wall has one colour, and
 a stretch of another colour as wide as a door is a door. With calibrated colours (HSV boxes, from the specification) a
-colour is a door's when a box holds it; without, when it differs from the tracked colour of the wall.
+colour is a door's when a box holds it; without, when it differs from the tracked colour of the wall. Where the picture
+reaches above boards and posters, an edge that goes on up there is a door's.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
 
@@ -25,6 +26,7 @@ Mask = npt.NDArray[np.bool_]
 Colour = npt.NDArray[np.float64]  # (3,), blue green red
 
 BAND_LOW_M, BAND_HEIGHT_M = 0.85, 0.14  # above the floor: below every sign
+HIGH_BAND_LOW_M, HIGH_BAND_HEIGHT_M = 1.86, 0.08  # above what hangs on walls, below the lintel
 BAND_ROWS = 12  # rows whose median is the colour of a column
 DARKER, BRIGHTER = 0.78, 1.28  # luminance over the wall's
 CHROMA_STEP = 0.022  # share of one colour in the sum of three
@@ -43,10 +45,11 @@ class Side(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DoorEdge:
-    """An edge between wall and door, in a column of the preview."""
+    """An edge between wall and door, in a column of the preview. `rises`: above what hangs on walls too, if known."""
 
     side: Side
     u_px: float
+    rises: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +89,23 @@ class DoorDetector:
     def edges(self, preview: Image, camera: CameraModel, wall: WallLine, driven_m: float) -> list[DoorEdge]:
         """Edges between wall and door, from left to right; `driven_m` is the path driven so far (metres)."""
         colours = band_colours(preview, camera, wall)
+        door = self._holds(colours) if self._boxes else self._stands_out(colours, driven_m)
+        solid_px = SOLID_M / camera.metres_per_px(wall.distance_m)
+        edges = door_edges(door, solid_px)
+        if not edges or camera.height_m(0, wall.distance_m) < HIGH_BAND_LOW_M + HIGH_BAND_HEIGHT_M:
+            return edges
+        above = _colours_between(preview, camera, wall, HIGH_BAND_LOW_M, HIGH_BAND_HEIGHT_M)
         if self._boxes:
-            hsv = cv2.cvtColor(colours[None].astype(np.uint8), cv2.COLOR_BGR2HSV)[0]
-            door = np.any([box.holds(hsv) for box in self._boxes], axis=0)
+            high = self._holds(above)
+        elif self._wall is not None:
+            high = differs(above, self._wall)
         else:
-            door = self._stands_out(colours, driven_m)
-        return door_edges(door, SOLID_M / camera.metres_per_px(wall.distance_m))
+            return edges
+        return [replace(edge, rises=_rises(edge, high, solid_px)) for edge in edges]
+
+    def _holds(self, colours: npt.NDArray[np.float64]) -> Mask:
+        hsv = cv2.cvtColor(colours[None].astype(np.uint8), cv2.COLOR_BGR2HSV)[0]
+        return np.asarray(np.any([box.holds(hsv) for box in self._boxes], axis=0))
 
     def _stands_out(self, colours: npt.NDArray[np.float64], driven_m: float) -> Mask:
         if self._wall is None:
@@ -122,7 +136,13 @@ def band_colours(image: Image, camera: CameraModel, wall: WallLine) -> npt.NDArr
     """Colour (width, 3) of the wall at the height of the band, column by column; as low as the picture shows."""
     depth_m = wall.distance_m
     lowest_m = max(BAND_LOW_M, CAMERA_HEIGHT_M - 0.98 * (CAMERA_HEIGHT_M - camera.height_m(camera.height_px, depth_m)))
-    bottom, top = (camera.row_px(z_m, depth_m) for z_m in (lowest_m, lowest_m + BAND_HEIGHT_M))
+    return _colours_between(image, camera, wall, lowest_m, BAND_HEIGHT_M)
+
+
+def _colours_between(
+    image: Image, camera: CameraModel, wall: WallLine, low_m: float, height_m: float
+) -> npt.NDArray[np.float64]:
+    bottom, top = (camera.row_px(z_m, wall.distance_m) for z_m in (low_m, low_m + height_m))
     rows = np.linspace(bottom, top, BAND_ROWS).astype(int).clip(0, camera.height_px - 1)
     return np.asarray(np.median(image[rows], axis=0), dtype=np.float64)
 
@@ -150,6 +170,14 @@ def door_edges(door: Mask, solid_px: float) -> list[DoorEdge]:
         for before, u, after in zip(bounds[:-2], bounds[1:-1], bounds[2:], strict=True)
         if min(u - before, after - u) >= solid_px
     ]
+
+
+def _rises(edge: DoorEdge, high: Mask, solid_px: float) -> bool:
+    """Whether the door's side of an edge is door, and the wall's side wall, in the mask (N,) of the high band too."""
+    u, reach = int(edge.u_px), max(1, int(solid_px))
+    left, right = high[max(0, u - reach) : u].mean(), high[u : u + reach].mean()
+    door, wall = (right, left) if edge.side is Side.LEFT else (left, right)
+    return bool(door > 0.5 > wall)
 
 
 def _luminance(colours: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

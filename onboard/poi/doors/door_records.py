@@ -30,14 +30,16 @@ class DoorRecords:
         self.edges: list[Edge] = []
         self.signs: list[Sign] = []
 
-    def add_edge(self, side: Side, point: WallPoint, now_s: float) -> None:
-        """Takes an observation of an edge of a door."""
+    def add_edge(self, side: Side, point: WallPoint, now_s: float, rises: bool | None = None) -> None:
+        """Takes an observation of an edge of a door; `rises`: as `DoorEdge` has it."""
         near = [e for e in self.edges if e.side is side and same_wall(e.place.point, point)]
         edge = min(near, key=lambda e: e.place.point.distance_m(point), default=None)
         if edge is not None and edge.place.point.distance_m(point) < EDGE_GATE_M:
             edge.place.add(point, now_s)
         else:
-            self.edges.append(Edge(side, Place.of(point, now_s)))
+            edge = Edge(side, Place.of(point, now_s))
+            self.edges.append(edge)
+        edge.vote(rises)
 
     def sign_at(self, point: WallPoint) -> Sign | None:
         """The sign that was observed at this point before, or None."""

@@ -54,10 +54,16 @@ class Place:
 
 @dataclass(slots=True)
 class Edge:
-    """An edge of a door: its side and its place."""
+    """An edge of a door: its side and its place. `rising`: previews in which it rose above what hangs on walls, less
+    those in which it did not."""
 
     side: Side
     place: Place
+    rising: int = 0
+
+    def vote(self, rises: bool | None) -> None:
+        """Counts what one preview shows, if it reaches so high."""
+        self.rising += 0 if rises is None else 1 if rises else -1
 
 
 @dataclass(slots=True)
