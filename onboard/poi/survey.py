@@ -218,7 +218,9 @@ class Survey:
         return finding.sharpness.gradient * (1.0 - aside)
 
     def _point(self, job: Job, u_px: float) -> WallPoint | None:
-        return job.wall.point(job.pose, self._camera_of(job.frame).bearing_rad(u_px))
+        """On the wall beside the robot; None for what hangs on another wall before it."""
+        point = job.wall.point(job.pose, self._camera_of(job.frame).bearing_rad(u_px))
+        return point if point is not None and not self.map.hides(point, job.pose) else None
 
     def _camera_of(self, frame: Frame) -> CameraModel:
         """The lens in the size that the source gave, which need not be that which was requested."""

@@ -214,6 +214,13 @@ def test_plate_of_an_unseen_door_stands_for_itself() -> None:
     assert door.centre.x_m == 5.0
 
 
+def test_a_plate_where_the_map_has_no_wall_hangs_elsewhere_and_is_no_record() -> None:
+    records = DoorRecords(lambda left, right: right.x_m < 4.0, SITE)
+    for x_m, number in ((3.0, "203"), (5.0, "204")):
+        read_from(records, x_m, plate(number), 1.4, 1.6)
+    assert [door.sign.number for door in records.doors() if door.sign is not None] == ["203"]
+
+
 def test_one_edge_tells_where_the_door_of_a_plate_is() -> None:
     records = DoorRecords(lambda left, right: True, SITE)
     for i in range(3):

@@ -131,6 +131,15 @@ def test_mouth_of_a_side_hall_has_no_wall_behind_it() -> None:
     assert wall_map([(x / 10, 0.05) for x in range(50)]).backs(left, right)
 
 
+def test_wall_that_stands_before_a_point_hides_it_and_its_own_wall_does_not() -> None:
+    own = [(x / 20, 0.0) for x in range(60)]
+    corner = [(1.5, y / 20) for y in range(10, 20)]
+    behind, pose = WallPoint(2.2, 0.0, pi / 2), Pose2(1.2, 1.2, 0.0)
+    assert not wall_map(own).hides(behind, pose)
+    assert wall_map(own + corner).hides(behind, pose)
+    assert not wall_map([*own, (1.6, 0.72)]).hides(behind, pose)  # a single point may be a person
+
+
 def test_direction_of_the_map_replaces_a_skewed_one() -> None:
     walls = wall_map([(x / 10, 0.0) for x in range(30)])
     assert walls.facing(WallPoint(1.5, 0.0, pi / 2 + 0.4)).normal_rad == pytest.approx(pi / 2, abs=0.02)

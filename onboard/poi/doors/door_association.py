@@ -24,7 +24,10 @@ OBSERVATIONS_UNREAD_MIN = 4  # of each edge of a door without a plate
 SAME_DOOR_M = 0.6  # two that stand nearer are one, observed twice
 SAME_NUMBER_M = 1.2  # the same, when both have one number
 
+AROUND_PLATE_M = 0.25  # on each side, where its wall is looked for
+
 Span = tuple[Edge, Edge]  # left and right edge of a door
+Backed = Callable[[WallPoint, WallPoint], bool]
 
 
 class State(Enum):
@@ -52,11 +55,14 @@ class Door:
         return State.READ if self.sign.accepted else State.DOUBTFUL
 
 
-def associated(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint, WallPoint], bool]) -> list[Door]:
-    """Doors with their plates, and plates that stand alone. `backed`: is there wall between a left and a right edge?"""
+def associated(edges: list[Edge], signs: list[Sign], backed: Backed) -> list[Door]:
+    """Doors with their plates, and plates that stand alone. `backed`: is there wall between a left and a right point?
+
+    What was read where the map has no wall hangs elsewhere: beyond an opening, or past a corner.
+    """
     well_seen = [e for e in edges if e.place.count >= OBSERVATIONS_MIN]
     spans = [span for span in _spans(well_seen) if backed(span[0].place.point, span[1].place.point)]
-    plates = _distinct_plates([s for s in signs if s.is_plate])
+    plates = _distinct_plates([s for s in signs if s.is_plate and _on_wall(s.place.point, backed)])
     plate_of = _plates_of(spans, plates)
     posters = [s for s in signs if s.rejected]
     doors = [
@@ -72,6 +78,10 @@ def associated(edges: list[Edge], signs: list[Sign], backed: Callable[[WallPoint
         if j not in taken and plate.votes and not plate.doubt
     ]
     return _distinct(doors + alone)
+
+
+def _on_wall(plate: WallPoint, backed: Backed) -> bool:
+    return backed(plate.moved_right(-AROUND_PLATE_M), plate.moved_right(AROUND_PLATE_M))
 
 
 def _plates_of(spans: list[Span], plates: list[Sign]) -> dict[int, int]:
@@ -117,8 +127,7 @@ def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
     edge = best[1]
     e = edge.place.point
     inwards_m = (USUAL_WIDTH_M / 2) * (1.0 if edge.side is Side.LEFT else -1.0)
-    centre = WallPoint(e.x_m - inwards_m * sin(e.normal_rad), e.y_m + inwards_m * cos(e.normal_rad), e.normal_rad)
-    return Door(centre, USUAL_WIDTH_M, plate, (edge,), max(edge.place.seen_s, plate.place.seen_s))
+    return Door(e.moved_right(inwards_m), USUAL_WIDTH_M, plate, (edge,), max(edge.place.seen_s, plate.place.seen_s))
 
 
 def _distinct_plates(plates: list[Sign]) -> list[Sign]:

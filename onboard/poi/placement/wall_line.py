@@ -39,6 +39,12 @@ class WallPoint:
         dx, dy = self.x_m - other.x_m, self.y_m - other.y_m
         return -dx * sin(other.normal_rad) + dy * cos(other.normal_rad)
 
+    def moved_right(self, by_m: float) -> WallPoint:
+        """The point so much further right, as one looks at the wall."""
+        return WallPoint(
+            self.x_m - by_m * sin(self.normal_rad), self.y_m + by_m * cos(self.normal_rad), self.normal_rad
+        )
+
     def off(self, other: WallPoint) -> float:
         """How far this point stands out of the other's wall (metres, unsigned)."""
         dx, dy = self.x_m - other.x_m, self.y_m - other.y_m

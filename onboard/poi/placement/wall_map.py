@@ -21,6 +21,9 @@ INNER = 0.7  # share of the line that is sampled: the corners of a mouth give ec
 NEAR_M = 0.7  # radius of the wall points that give a normal
 POINTS_MIN = 5  # among them
 PATH_CLEAR_M, GOAL_CLEAR_M = 0.25, 0.45  # free of wall points beside the line, and around its end
+RAY_M = 0.08  # from a ray, for wall that it meets
+BEFORE_M = 0.4  # nearer to its end than this, wall is the one that the point is on
+HIDING_MIN = 3  # wall points; a single one may be a person
 STRAIGHT = 0.25  # spread across over spread along: more is a corner
 
 
@@ -56,6 +59,18 @@ class WallMap:
             return False
         share = np.clip((near - a) @ (b - a) / length_m**2, 0.0, 1.0)
         return bool((np.hypot(*(near - a - share[:, None] * (b - a)).T) > PATH_CLEAR_M).all())
+
+    def hides(self, point: WallPoint, pose: Pose2) -> bool:
+        """Whether mapped wall stands between a pose and a point on a wall: then what is in sight hangs on that."""
+        a, b = np.array([pose.x_m, pose.y_m]), np.array([point.x_m, point.y_m])
+        length_m = float(np.hypot(*(b - a)))
+        if length_m <= BEFORE_M:
+            return False
+        along = (b - a) / length_m
+        near = self._near((a + b) / 2, length_m / 2) - a
+        forward_m, aside_m = near @ along, near @ np.array([-along[1], along[0]])
+        between = (np.abs(aside_m) < RAY_M) & (forward_m > 0.0) & (forward_m < length_m - BEFORE_M)
+        return int(between.sum()) >= HIDING_MIN
 
     def facing(self, point: WallPoint) -> WallPoint:
         """The point with the direction out of the mapped wall around it; as it is where the map shows no plain wall."""
