@@ -11,13 +11,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 import zenoh
 
 from common.bus import QUEUE_LENGTH
 from common.clock import Clock
-from common.codec import DecodeError, Envelope, decode
+from common.codec import DecodeError, Envelope, decode, read_header
 from common.messages import QosProfile, Topic
 from common.recording import gap_query, unpack_messages
 from common.undecodable import Undecodable
@@ -81,23 +82,29 @@ class Inbox(Generic[P]):
         self._pending: deque[tuple[float, Arrival]] = deque(
             maxlen=1 if topic.qos is QosProfile.LATEST else QUEUE_LENGTH
         )
-        self._replies: list[tuple[float, bytes]] = []
+        self._replies: list[tuple[float, bytes, bool]] = []  # the last: to a query for everything
         self._lock = threading.Lock()
         self._query_due = self._is_state
         self._query_running = self._query_refused = self._query_replied = False
+        self._holding = False  # what comes live, for the reply to a query for everything
         self._queried_wall_s = self._came_wall_s = float("-inf")
         self._is_of_own = False  # what came last: that cannot be lost
         end.read(topic, self)
 
     def look(self) -> None:
-        """Decodes all that came; while a query runs, what came live waits for its reply."""
-        if self._is_state and not self._query_running:
-            # Queried again while nothing at all came: subscription and first message may have crossed
-            if self._query_due or self.newest is None:
-                self._query(b"")
-            elif not (self._pending or self._is_of_own) and self._is_silent():
-                self._query(gap_query(self.sequences))
-        if self._query_running or not (self._pending or self._replies):
+        """Decodes all that came; while a query for everything runs, what came live waits for its reply."""
+        self._read()
+        if not self._is_state or self._query_running:
+            return
+        # Queried again while nothing at all came: subscription and first message may have crossed
+        if self._query_due or self.newest is None:
+            self._query(b"")
+            self._read()  # a publisher of this process has replied already
+        elif not (self._pending or self._is_of_own) and self._is_silent():
+            self._query(gap_query(self.sequences))
+
+    def _read(self) -> None:
+        if self._holding or not (self._pending or self._replies):
             return
         with self._lock:
             replies, self._replies = self._replies, []
@@ -105,13 +112,8 @@ class Inbox(Generic[P]):
             self._pending.clear()
         replied, self._query_replied = self._query_replied, False
         self._came_wall_s = time.monotonic()
-        for arrived_s, pack in replies:
-            for data in unpack_messages(pack):
-                newer = self._decoder.decode(self._topic, data)
-                if not replied and newer is not None and self._misses_some(newer):
-                    self._query_due = True
-                    break
-                self._accept(arrived_s, newer)
+        for arrived_s, pack, everything in replies:
+            self._read_reply(arrived_s, pack, everything=everything)
         for i, (arrived_s, arrival) in enumerate(live):
             envelope = self._decoder.read(self._topic, arrival)
             if envelope is None or self._refuses(self._topic, envelope, arrival.data, arrival.signature):
@@ -123,6 +125,24 @@ class Inbox(Generic[P]):
                 return
             self._is_of_own = arrival.is_own
             self._accept(self._clock.arrival_s(arrived_s), envelope)
+
+    def _read_reply(self, arrived_s: float, pack: bytes, *, everything: bool) -> None:
+        for data in unpack_messages(pack):
+            envelope = self._decoder.decode(self._topic, data)
+            if envelope is None:
+                self._pass_over(data)
+            elif not everything and self._misses_some(envelope):
+                self._query_due = True
+                return
+            else:
+                self._accept(arrived_s, envelope)
+
+    def _pass_over(self, data: bytes) -> None:
+        """What cannot be decoded is not queried again and again."""
+        with suppress(DecodeError):
+            sequence, boot_id = read_header(data)
+            if boot_id in self.sequences:
+                self.sequences[boot_id] = max(self.sequences[boot_id], sequence)
 
     def take(self) -> list[P]:
         """Everything since the last call; at the first call the newest of what was looked at before."""
@@ -176,21 +196,25 @@ class Inbox(Generic[P]):
         wall_s = time.monotonic()
         if wall_s - self._queried_wall_s < _QUERY_PAUSE_S:
             return
-        self._queried_wall_s, self._query_due, self._query_running = wall_s, False, True
+        self._queried_wall_s, self._query_running = wall_s, True
         self._query_refused = False
+        if not newer_than:
+            self._query_due, self._holding = False, True
 
         def store(reply: zenoh.Reply) -> None:
             if reply.ok is None:
-                self._query_refused = True  # or it came too late: it is queried again
+                self._query_refused = True  # or it came too late
             else:
-                arrival = (self._clock.now_s(), bytes(reply.ok.payload))
+                arrival = (self._clock.now_s(), bytes(reply.ok.payload), not newer_than)
                 with self._lock:
                     self._replies.append(arrival)
 
         def finished() -> None:
-            self._query_replied = not (self._query_refused or newer_than)
-            self._query_due |= self._query_refused
-            self._query_running = False
+            if not newer_than:
+                self._query_replied = not self._query_refused
+                if self._query_refused:
+                    self._query_due = True
+            self._holding = self._query_running = False
 
         self._end.session_for(self._topic).get(
             self._end.key(self._topic),
@@ -198,4 +222,6 @@ class Inbox(Generic[P]):
             payload=newer_than or None,
             timeout=QUERY_TIMEOUT_S,
             consolidation=zenoh.ConsolidationMode.NONE,
+            # A query that only makes sure must not hold up a step where the link is full
+            congestion_control=zenoh.CongestionControl.DROP if newer_than else zenoh.CongestionControl.BLOCK,
         )

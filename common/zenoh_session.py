@@ -245,7 +245,7 @@ def _let_go_at_once(event: zenoh.LinkEvent) -> None:
     if event.kind == zenoh.SampleKind.DELETE:
         return
     ends = [_address(endpoint) for endpoint in (event.link.src, event.link.dst)]
-    for descriptor in map(int, os.listdir("/proc/self/fd")):
+    for descriptor in _descriptors():
         with suppress(OSError):  # no socket, or none with another end
             link = socket.socket(fileno=descriptor)
             try:
@@ -255,16 +255,22 @@ def _let_go_at_once(event: zenoh.LinkEvent) -> None:
                 link.detach()  # it is Zenoh's
 
 
+def _descriptors() -> list[int]:
+    with suppress(OSError):
+        return [int(name) for name in os.listdir("/proc/self/fd")]
+    return []
+
+
 def _address(endpoint: str) -> tuple[str, int]:
     """Of "tcp/127.0.0.1:7447", as Python's sockets have it."""
     host, _, port = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
-    return host.strip("[]"), int(port)
+    return host.strip("[]").partition("%")[0], int(port)
 
 
 def close_sessions(sessions: Iterable[zenoh.Session]) -> bool:
     """Closes each once; False when Zenoh is not done yet.
 
-    It waits 10 s for a frozen neighbour to take the farewell: the lease ends that link as well, so it is left.
+    It waits seconds for a frozen neighbour to take the farewell: the lease ends that link as well, so it is left.
     """
     closers = [
         threading.Thread(target=_close, args=(session,), daemon=True)

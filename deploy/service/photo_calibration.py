@@ -6,8 +6,6 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
-
 from common.config import Config, load_config
 from common.errors import StartError
 from deploy.service.config_file import write_config
@@ -22,7 +20,7 @@ def calibrate_doors(arguments: argparse.Namespace) -> int:
     wall = wall_of(photo) if arguments.wall is None else read_photo(arguments.wall)
     box, share = calibrated_box(door_of(photo), wall)
     mask = arguments.photo.with_name(f"{arguments.photo.stem}-door.png")
-    mask.write_bytes(cv2.imencode(".png", marked(photo, box))[1].tobytes())
+    mask.write_bytes(marked(photo, box))
     if share > WALL_SHARE_MAX:
         raise StartError(
             f"The wall has the colour of the door: {box} holds {100 * share:.0f} % of it, {mask} shows bright what "

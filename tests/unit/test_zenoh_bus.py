@@ -235,6 +235,49 @@ def test_the_last_message_of_all_is_missed_by_nobody_and_silence_costs_nothing(
     assert not any(replies)
 
 
+def slow_replies(sender: ZenohBus, monkeypatch: pytest.MonkeyPatch, delay_s: float) -> None:
+    monkeypatch.setattr(sender._replies, "refuses", lambda *_: time.sleep(delay_s))
+
+
+def test_a_map_whose_reply_takes_longer_than_the_pause_between_queries_is_taken(
+    open_bus: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_bus("comm", "router")
+    sender, late = open_bus("mmu"), open_bus("observer")
+    slow_replies(sender, monkeypatch, 0.4)
+    for update in (wall(0, 3), wall(3, 2)):
+        sender.publish(MAP, update)
+    starts: list[int] = []
+
+    def whole() -> bool:
+        starts.extend(update.start for update in late.take(MAP))
+        return len(starts) >= 2
+
+    until(whole)
+    assert starts == [0, 3]
+
+
+def test_queries_of_silence_that_nobody_answers_in_time_hold_up_no_live_message(
+    open_bus: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("observer")
+    sender.publish(MAP, wall(0, 1))
+    until(lambda: receiver.latest(MAP) is not None)
+    monkeypatch.setattr("common.zenoh_inbox._SILENCE_S", 0.05)
+    monkeypatch.setattr("common.zenoh_inbox.QUERY_TIMEOUT_S", 0.2)
+    slow_replies(sender, monkeypatch, 0.6)
+    end_s = time.monotonic() + 1.0
+    while time.monotonic() < end_s:
+        receiver.latest(MAP)
+        time.sleep(0.01)
+    for start in range(1, 6):
+        sender.publish(MAP, wall(start, 1))
+        sent_s = time.monotonic()
+        until(lambda start=start: receiver.latest(MAP).start == start)  # type: ignore[misc]
+        assert time.monotonic() - sent_s < 0.5
+
+
 def test_a_query_that_is_refused_is_repeated(open_bus: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     open_bus("comm", "router")
     sender = open_bus("mmu")

@@ -51,10 +51,11 @@ def calibrated_box(door: Image, wall: Image) -> tuple[ColourBox, float]:
     return box, share
 
 
-def marked(photo: Image, box: ColourBox) -> Image:
-    """The photo with everything darkened that the box does not hold."""
+def marked(photo: Image, box: ColourBox) -> bytes:
+    """The photo as PNG, with everything darkened that the box does not hold."""
     inside = box.holds(cv2.cvtColor(photo, cv2.COLOR_BGR2HSV))
-    return np.where(inside[..., None], photo, photo // 4)
+    _, data = cv2.imencode(".png", np.where(inside[..., None], photo, photo // 4))
+    return data.tobytes()
 
 
 def _hsv(image: Image) -> Colours:
