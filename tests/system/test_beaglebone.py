@@ -94,7 +94,8 @@ def test_every_process_starts_and_the_robot_may_move(board: Chroot, tmp_path: Pa
     mesh = MeshSection(router=free_endpoint(), laptop_router=free_endpoint())
     config = Config(mesh=mesh, bridge=BridgeSection(serial_port=str(tmp_path / "serial")))
     with robot_body(tmp_path, config) as port:
-        there = replace(config, bridge=BridgeSection(serial_port=str(port)))
+        # The emulator knows usual speeds only (no TCSETS2), and a PTY has none
+        there = replace(config, bridge=BridgeSection(serial_port=str(port), baud=115_200))
         (board.root / "robot.toml").write_text(config_text(there), encoding="utf-8")
         (board.root / "state").mkdir()
         said = in_python(board, f"{SOURCES}/{MESH}", "/robot.toml", "/state", timeout_s=600.0)
