@@ -56,6 +56,20 @@ def test_line_whose_lower_part_is_hidden_is_damage(share: float) -> None:
     assert check(picture, "824").damage
 
 
+@pytest.mark.parametrize("negative", [False, True])
+@pytest.mark.parametrize(
+    ("left_px", "right_px", "damage"), [(5, 5, False), (5, 60, True), (60, 5, True), (-9, -9, True)]
+)
+def test_a_number_that_fills_a_narrow_plate_is_whole_and_one_with_a_border_on_one_side_is_not(
+    left_px: int, right_px: int, damage: bool, negative: bool
+) -> None:
+    picture = drawn(("214B", 65, 0))
+    ink = np.flatnonzero((picture < 128).any(axis=0))
+    picture[:, : ink[0] - left_px] = 130
+    picture[:, ink[-1] + 1 + right_px :] = 130
+    assert bool(check(255 - picture if negative else picture, "214B").damage) == damage
+
+
 def test_raised_digit_is_damage() -> None:
     assert check(drawn(("10", 55, 0), ("2", 112, 4)), "102").damage
 

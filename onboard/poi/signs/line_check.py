@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from onboard.poi.signs.letters import ROWS, Letter, Strokes
 
@@ -21,6 +22,8 @@ INWARD = 0.3  # as far an edge that runs askew may be seen within the letters
 EDGE = 0.15  # as far as an edge is blurred; light changes more slowly
 SHARPER = 3.0  # than the usual change of the background around it
 STEP = 0.25  # of the background within that room, share of the letters' contrast: the border of something
+CENTRED = 0.12  # difference of the room on both sides of a number that fills a narrow plate
+SAME_STEP = 0.3  # of its two borders
 DIFFERS = 0.35  # from the background, share of the letters' contrast: something stands there
 COLUMN_BUSY = 0.12  # share of a column that differs
 CROSSED = 0.1  # columns in which something runs through the line
@@ -35,6 +38,8 @@ ROOM = 0.9  # between the letters and an end of their box, which reaches about 0
 BLOCK = 0.5  # step of the background there, share of the letters' contrast
 UNREAD_GAP = 0.4  # beside a letter that was not read
 WORDS_APART = 0.8  # a gap that parts a number from a name
+Profile = npt.NDArray[np.float32]  # (N,), grey
+
 _FLAT = frozenset("-–—.·•:,'´`_~\"")
 _DIGITS = frozenset("0123456789")
 
@@ -166,20 +171,45 @@ def _covered(line: Strokes, capital: float) -> str:
         return "another stroke beside the letters"
     step, reach, inward = STEP * line.contrast, max(round(EDGE * capital), 1), INWARD * capital
     above = ABOVE_FREE * capital
-    for side, profile, at, to in (
-        ("left", across, x0 + inward, x0 - far),
-        ("right", across, x1 - inward, x1 + far),
-        ("above", down, top + inward, top - above),
-        ("below", down, bottom - inward, bottom + above),
-    ):
-        a, b = (max(round(end), 0) for end in sorted((at, to)))
-        steps = np.abs(profile[reach:] - profile[:-reach])
-        close = steps[a : max(b + 1 - reach, a + 1)]
-        # Light that falls on a plate changes the background all along the line
-        usual = float(np.median(steps[max(a - round(capital), 0) : b + round(capital)])) if len(steps) else 0.0
-        if close.size and float(close.max()) > max(step, SHARPER * usual):
-            return f"an edge close {side}"
-    return ""
+    edges = {
+        side: edge
+        for side, profile, at, to in (
+            ("left", across, x0 + inward, x0 - far),
+            ("right", across, x1 - inward, x1 + far),
+            ("above", down, top + inward, top - above),
+            ("below", down, bottom - inward, bottom + above),
+        )
+        if (edge := _edge(profile, (at, to), reach, capital, step)) is not None
+    }
+    if "left" in edges and "right" in edges:
+        (left_at, left_step), (right_at, right_step) = edges["left"], edges["right"]
+        beside = x0 - left_at, right_at - x1
+        # What covers a line has one border; a narrow plate has two, and its number stands in the middle
+        same = abs(beside[0] - beside[1]) < CENTRED * capital and abs(left_step - right_step) < SAME_STEP * abs(
+            left_step
+        )
+        if same and min(beside) > 0.0:
+            del edges["left"], edges["right"]
+    return next((f"an edge close {side}" for side in edges), "")
+
+
+def _edge(
+    profile: Profile, window: tuple[float, float], reach: int, capital: float, step: float
+) -> tuple[float, float] | None:
+    """Where the background changes within the window of a profile (N,), and by how much outwards; None where evenly."""
+    a, b = (max(round(end), 0) for end in sorted(window))
+    changes = profile[reach:] - profile[:-reach]
+    steps = np.abs(changes)
+    close = steps[a : max(b + 1 - reach, a + 1)]
+    if not close.size:
+        return None
+    # Light that falls on a plate changes the background all along the line
+    usual = float(np.median(steps[max(a - round(capital), 0) : b + round(capital)]))
+    if float(close.max()) <= max(step, SHARPER * usual):
+        return None
+    at = a + int(close.argmax())
+    outwards = 1.0 if window[1] > window[0] else -1.0
+    return at + reach / 2, outwards * float(changes[at])
 
 
 def _missing(
