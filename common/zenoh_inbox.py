@@ -199,7 +199,7 @@ class Inbox(Generic[P]):
         self._queried_wall_s, self._query_running = wall_s, True
         self._query_refused = False
         if not newer_than:
-            self._query_due, self._holding = False, True
+            self._query_due, self._holding, self._query_replied = False, True, False
 
         def store(reply: zenoh.Reply) -> None:
             if reply.ok is None:
@@ -208,12 +208,12 @@ class Inbox(Generic[P]):
                 arrival = (self._clock.now_s(), bytes(reply.ok.payload), not newer_than)
                 with self._lock:
                     self._replies.append(arrival)
+                # Where nobody replied, what comes live goes on from nothing
+                self._query_replied |= not newer_than
 
         def finished() -> None:
-            if not newer_than:
-                self._query_replied = not self._query_refused
-                if self._query_refused:
-                    self._query_due = True
+            if self._query_refused and not newer_than:
+                self._query_due, self._query_replied = True, False
             self._holding = self._query_running = False
 
         self._end.session_for(self._topic).get(

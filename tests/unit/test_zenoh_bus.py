@@ -35,7 +35,7 @@ from common.messages import (
     Topic,
 )
 from common.zenoh_bus import LOST_S, ZenohBus
-from common.zenoh_session import Channel, session_config
+from common.zenoh_session import Channel, direct, session_config
 from deploy.local.ports import reserve_port
 
 pytestmark = pytest.mark.timeout(30)
@@ -235,6 +235,43 @@ def test_the_last_message_of_all_is_missed_by_nobody_and_silence_costs_nothing(
     assert not any(replies)
 
 
+def starts_of(receiver: ZenohBus, count: int) -> list[int]:
+    """Where the first so many increments of the map begin, as they are taken."""
+    starts: list[int] = []
+
+    def enough() -> bool:
+        starts.extend(update.start for update in receiver.take(MAP))
+        return len(starts) >= count
+
+    until(enough)
+    return starts
+
+
+def test_a_query_that_nobody_replied_to_makes_no_increment_whole(open_bus: Open) -> None:
+    open_bus("comm", "router")
+    sender, receiver = open_bus("mmu"), open_bus("observer")
+    sender.publish(MAP, wall(0, 1))
+    assert starts_of(receiver, 1) == [0]
+    subscriptions, inbox = receiver._end._read, receiver._inboxes[MAP.key]
+    subscriptions._subscribers.pop(MAP.key).undeclare()
+    sender.publish(MAP, wall(1, 1))
+    # Nobody is reached while a router is restarted
+    outbox = sender._outboxes[MAP.key]
+    outbox._queryable.undeclare()
+    inbox.publisher_appears()
+    until(lambda: receiver.take(MAP) == [] and not (inbox._query_due or inbox._query_running))
+    subscriptions.add(MAP, inbox)
+    time.sleep(0.5)  # until the sender knows of the subscription
+    sender.publish(MAP, wall(2, 1))
+    end_s = time.monotonic() + 1.0
+    while time.monotonic() < end_s:
+        assert receiver.take(MAP) == []
+        time.sleep(0.01)
+    key = sender._end.key(MAP)
+    outbox._queryable = sender._end.session_for(MAP).declare_queryable(key, direct(outbox._reply))
+    assert starts_of(receiver, 2) == [1, 2]
+
+
 def slow_replies(sender: ZenohBus, monkeypatch: pytest.MonkeyPatch, delay_s: float) -> None:
     monkeypatch.setattr(sender._replies, "refuses", lambda *_: time.sleep(delay_s))
 
@@ -247,14 +284,7 @@ def test_a_map_whose_reply_takes_longer_than_the_pause_between_queries_is_taken(
     slow_replies(sender, monkeypatch, 0.4)
     for update in (wall(0, 3), wall(3, 2)):
         sender.publish(MAP, update)
-    starts: list[int] = []
-
-    def whole() -> bool:
-        starts.extend(update.start for update in late.take(MAP))
-        return len(starts) >= 2
-
-    until(whole)
-    assert starts == [0, 3]
+    assert starts_of(late, 2) == [0, 3]
 
 
 def test_queries_of_silence_that_nobody_answers_in_time_hold_up_no_live_message(
@@ -286,14 +316,7 @@ def test_a_query_that_is_refused_is_repeated(open_bus: Open, monkeypatch: pytest
     for update in (wall(0, 3), wall(3, 2)):
         sender.publish(MAP, update)
     late = open_bus("witness")
-    starts: list[int] = []
-
-    def whole() -> bool:
-        starts.extend(update.start for update in late.take(MAP))
-        return len(starts) >= 2
-
-    until(whole)
-    assert starts == [0, 3]
+    assert starts_of(late, 2) == [0, 3]
     assert not refusals
 
 
