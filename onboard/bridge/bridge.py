@@ -66,6 +66,7 @@ _BETWEEN_BURSTS_S = 0.06  # since the step that took one: the next one has not b
 _JUST_AFTER_S = 0.001  # after its timeout a permit counts no longer, not at it
 _order = attrgetter(*(field.name for field in fields(DriveCommand) if field.name != "t_s"))
 P = TypeVar("P")
+_Wanted = tuple[Pace, Message | None]
 
 _log = logging.getLogger("bridge")
 
@@ -112,18 +113,18 @@ class Bridge:
                 self._publish(bus, message, t_s)
             if received:
                 self._judge(bus, now_s)
-            if self._link.connected:
-                self._command(now_s)
+            wanted = tuple(self._wanted()) if self._link.connected else ()
+            self._command(wanted, now_s)
         except SerialLost as error:
             self._link.close(str(error))
-            sensed = True
+            wanted, sensed = (), True
         if sensed:
             self._sensed_s = now_s
         # What is no news travels in one bundle with the next odometry
         if sensed or now_s >= self._status.latest_s:
             self._publish_riding(bus)
             self._report(bus, now_s)
-        return self._due_s(bus, now_s)
+        return self._due_s(bus, now_s, wanted)
 
     def close(self) -> None:
         self._link.close_standing("the bridge ends")
@@ -240,9 +241,9 @@ class Bridge:
 
     # --- to the board
 
-    def _command(self, now_s: float) -> None:
+    def _command(self, wanted: tuple[_Wanted, ...], now_s: float) -> None:
         lines: list[Message] = []
-        for pace, message in self._wanted():
+        for pace, message in wanted:
             if not pace.due(now_s):
                 continue
             if message is None:
@@ -252,7 +253,7 @@ class Bridge:
             self._heartbeats += pace is self._heartbeat
         self._link.send(lines, now_s)
 
-    def _wanted(self) -> Iterator[tuple[Pace, Message | None]]:
+    def _wanted(self) -> Iterator[_Wanted]:
         """What the board is to receive, again and again until its reports show that it has; None is the stop byte."""
         car, epoch = self._car, self._gate.epoch
         if not self._may_move:
@@ -278,7 +279,7 @@ class Bridge:
         known = car.boot == command.boot and (car.command_id == command.command_id or given_up)
         return None if known else command
 
-    def _hold(self, car: CarSta, stop: Stp) -> Iterator[tuple[Pace, Message | None]]:
+    def _hold(self, car: CarSta, stop: Stp) -> Iterator[_Wanted]:
         """The board stands, and knows the newest stop too."""
         stopped = bool(self._gate.stop_sources)
         if (stopped or car.state in _WORKING) and not car.stop_latched:
@@ -286,14 +287,14 @@ class Bridge:
         if stopped and stop.epoch < self._gate.epoch:
             yield self._teaching, Stop(self._gate.epoch)
 
-    def _due_s(self, bus: Bus, now_s: float) -> float:
+    def _due_s(self, bus: Bus, now_s: float, wanted: tuple[_Wanted, ...]) -> float:
         """When something is to be done though nothing arrives."""
         due_s = min(self._status.latest_s, self._link.due_s)
         if not self._link.connected:
             return due_s
         if self._may_move:
             due_s = min(due_s, now_s + PERMIT_TIMEOUT_S - bus.age_s(PERMIT) + _JUST_AFTER_S)
-        return min([due_s, *(pace.latest_s for pace, _ in self._wanted())])
+        return min([due_s, *[pace.latest_s for pace, _ in wanted]])
 
     # --- its own status
 

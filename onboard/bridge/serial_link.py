@@ -92,9 +92,9 @@ class SerialLink:
 
     def send(self, messages: Sequence[Message], now_s: float) -> None:
         """All of them in one write, which costs a wake-up of the driver."""
-        assert self._started_s is not None
-        time_ms = int((now_s - self._started_s) * 1000.0)
         if messages:
+            assert self._started_s is not None
+            time_ms = int((now_s - self._started_s) * 1000.0)
             self.write(b"".join(encode(message, time_ms) for message in messages))
 
     def write(self, data: bytes) -> None:

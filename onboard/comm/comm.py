@@ -9,7 +9,7 @@ import argparse
 import logging
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -32,7 +32,7 @@ from onboard.comm.permit_file import PermitFile, permit_file
 from onboard.comm.spool import Spool, spool_folder
 from onboard.comm.stop_keeper import StopKeeper
 from onboard.comm.stop_owner import BridgeReport, Phase
-from onboard.comm.stop_record import RECORD_NAME, Stop
+from onboard.comm.stop_record import RECORD_NAME, Stop, StopRecord
 from onboard.comm.watchdog import ModuleReading, Verdict, WatchdogState, release_faults, silent_in_s, watch
 
 OFFBOARD_WATCHED = "recorder"
@@ -89,7 +89,8 @@ class Comm:
         self._board = board
         self._watchdog: WatchdogState | None = None
         self._heartbeats: dict[str, _Heartbeat] = {}
-        self._permit: Permit | None = None
+        # Of the newest permit what must be published at once when it changes
+        self._published: tuple[bool, int, StopRecord] | None = None
         self._permit_pace = Pace(1.0 / PERMIT_RATE_HZ)
         self._new_challenge = new_challenge
         self._permit_file = permit_file
@@ -168,30 +169,29 @@ class Comm:
 
     def _publish_permit(self, bus: Bus, now_s: float, verdict: Verdict) -> None:
         stop = self._stops.state
-        reason = self._stop_reason() or verdict.reason
-        permit = Permit(
-            now_s,
-            granted=verdict.granted and stop.may_grant,
-            reason=reason,
-            stop_sources=stop.record.sources,
-            challenge=self._challenge,
-            stop_epoch=stop.epoch,
-            stop_ids=tuple(latched.stop_id for latched in stop.record.stops),
-            resumed=stop.record.resumed,
-            life=stop.life,
-        )
-        old = self._permit
-        changed = old is None or _essence(old) != _essence(permit)
+        record, granted = stop.record, verdict.granted and stop.may_grant
+        essence = granted, stop.epoch, record
+        changed = essence != self._published
         if not self._permit_pace.due(now_s, urgent=changed):
             return
-        if changed:
-            _log.info("permit granted=%s reason=%s", permit.granted, reason or "-")
         if self._new_challenge is not None and now_s >= self._challenge_due_s:
             self._challenge, self._challenge_due_s = self._new_challenge(), now_s + CHALLENGE_PERIOD_S
-            permit = replace(permit, challenge=self._challenge)
-        if changed and self._permit_file is not None:
-            self._permit_file.write(granted=permit.granted)
-        self._permit = permit
+        permit = Permit(
+            now_s,
+            granted=granted,
+            reason=self._stop_reason() or verdict.reason,
+            stop_sources=record.sources,
+            challenge=self._challenge,
+            stop_epoch=stop.epoch,
+            stop_ids=tuple(latched.stop_id for latched in record.stops),
+            resumed=record.resumed,
+            life=stop.life,
+        )
+        if changed:
+            _log.info("permit granted=%s reason=%s", granted, permit.reason or "-")
+            if self._permit_file is not None:
+                self._permit_file.write(granted=granted)
+        self._published = essence
         bus.publish(PERMIT, permit, news=changed)
 
     def _stop_reason(self) -> str:
@@ -221,11 +221,6 @@ class Comm:
         else:
             state, error = "WAITING", ErrorCode.MODULE_MISSING
         self._status.report(bus, now_s, state=state, error=error, ready=True, detail=verdict.reason)
-
-
-def _essence(permit: Permit) -> tuple[object, ...]:
-    """What must be published at once when it changes."""
-    return permit.granted, permit.stop_sources, permit.stop_epoch, permit.stop_ids, permit.resumed
 
 
 def make_comm(config: Config, arguments: argparse.Namespace) -> Comm:

@@ -108,7 +108,8 @@ def resume(state: StopOwner, epoch: int) -> StopOwner:
 
 def on_report(state: StopOwner, report: BridgeReport) -> StopOwner:
     """The bridge's newest report."""
-    state = replace(state, button_pressed=report.button_pressed)
+    if state.button_pressed != report.button_pressed:
+        state = replace(state, button_pressed=report.button_pressed)
     if state.queried is not None and report.life == state.life:
         state = _answered(state, state.queried, report)
     for stop in report.stops:

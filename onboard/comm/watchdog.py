@@ -11,7 +11,7 @@ permit that `Comm` withdraws: without a permit the robot stands.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from common.constants import STARTUP_GRACE_S, STATUS_RATE_HZ, WATCHDOG_CLEAR_S
 from common.modules import ON_ROBOT
@@ -83,9 +83,9 @@ def watch(
         faults = ["no module is required, so none can be sound"]
     starting = not state.ever_granted and now_s - state.started_s < STARTUP_GRACE_S
     if faults:
-        return replace(state, sound_since_s=None), Verdict(False, ", ".join(faults), starting)
+        return WatchdogState(state.started_s, None, state.ever_granted), Verdict(False, ", ".join(faults), starting)
     since_s = now_s if state.sound_since_s is None else state.sound_since_s
     if now_s - since_s < WATCHDOG_CLEAR_S:
         waiting = Verdict(False, "all modules are there, watching them for a moment", starting)
-        return replace(state, sound_since_s=since_s), waiting
-    return replace(state, sound_since_s=since_s, ever_granted=True), Verdict(True, "")
+        return WatchdogState(state.started_s, since_s, state.ever_granted), waiting
+    return WatchdogState(state.started_s, since_s, ever_granted=True), Verdict(True, "")
