@@ -270,6 +270,7 @@ class PlannerView:
     command_id: CommandId = 0  # of the newest OperatorCommand that was answered
     refused: bool = False  # that command does nothing
     note: Text = ""  # what its sender should read about it
+    paused: bool = False  # by an operator
 
 
 class PoiCommand(Enum):

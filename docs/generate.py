@@ -22,12 +22,13 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from common.config import Config, config_text
 from common.errors import ERRORS
 from common.messages import INTERNAL_FLOWS, TOPICS, LogLine, Status, Topic
+from common.mission_state import ENDED
 from common.modules import MODULES
 from common.number_presets import PRESETS
 from common.rules import Between
 from deploy.cli import build_parser
 from offboard.export.formats import EXPORTS
-from onboard.planner.mission.table import ALL, ENDED, TABLE, Event, Mode, Row
+from onboard.planner.mission.table import ALL, TABLE, Event, Mode, Row
 
 ROOT = Path(__file__).resolve().parents[1]
 PART = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- /generated: \2 -->)", re.DOTALL)

@@ -19,7 +19,18 @@ from pathlib import Path
 from common.clock import FreeClock
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
-from common.messages import OPERATION, PERMIT, PLAN, STATUS, Operation, OperatorCommand, Outcome, PlannerView
+from common.messages import (
+    OPERATION,
+    PERMIT,
+    PLAN,
+    STATUS,
+    Operation,
+    OperatorCommand,
+    Outcome,
+    Permit,
+    PlannerView,
+)
+from common.mission_state import started
 from common.zenoh_bus import ZenohBus
 from deploy.local.configuration import RunPaths, mesh_config, process_arguments
 from deploy.local.process_table import SIMULATOR, program_of, without
@@ -37,7 +48,6 @@ _POLL_S = 0.1
 _START_POLL_S = 0.02
 _PROGRESS_PERIOD_S = 5.0
 _START_PERIOD_S = 0.5
-_WAITING = "WAITING"  # the planner's mode before a start
 
 _log = logging.getLogger("local")
 
@@ -48,15 +58,15 @@ class Interrupted(Exception):
 
 def run_local(options: RunOptions) -> int:
     """Runs the mesh until the mission is finished or somebody ends it; returns the exit code."""
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
     load_world(options)
     if importlib.util.find_spec("mujoco") is None:
         raise StartError("The simulator needs MuJoCo: run ./deploy/local.sh --setup-only once.")
     folder = prepare_folder(options).resolve()
     (folder / "process").mkdir(exist_ok=True)
     console = _set_up_log(folder / "process" / "local.log")
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
     mesh = LocalRun(options, folder, stop, console)
     try:
         return mesh.run()
@@ -129,11 +139,11 @@ class LocalRun:
             self._await_finish(bus)
         finally:
             # What was mapped until a person, or a fault, ended the run is worth its summary too
-            view = bus.latest(PLAN)
+            view, permit = bus.latest(PLAN), bus.latest(PERMIT)
             self._close_screen()
             self._end_in_order()
             if view is not None and self._began_s is not None:
-                self._summarise(view, self._began_s)
+                self._summarise(view, permit, self._began_s)
         return self.exit_code
 
     def close(self) -> None:
@@ -186,10 +196,10 @@ class LocalRun:
     def _start_mission(self, bus: ZenohBus) -> None:
         next_s = 0.0
 
-        def started() -> bool:
+        def begun() -> bool:
             nonlocal next_s
             view = bus.latest(PLAN)
-            if view is not None and view.mode != _WAITING:
+            if view is not None and started(view):
                 self._began_s = view.t_s
                 return True
             if time.monotonic() >= next_s:
@@ -197,7 +207,7 @@ class LocalRun:
                 bus.publish(OPERATION, OperatorCommand(time.monotonic(), Operation.START))
             return False
 
-        self._until(started, STARTUP_GRACE_S, lambda: "The planner did not take the start command.")
+        self._until(begun, STARTUP_GRACE_S, lambda: "The planner did not take the start command.")
         print("The mission has started.", flush=True)
 
     def _open_screen(self) -> None:
@@ -239,7 +249,7 @@ class LocalRun:
             self._look_after_screen()
             view = bus.latest(PLAN)
             if view is not None:
-                if self._began_s is None and view.mode != _WAITING:
+                if self._began_s is None and started(view):
                     self._began_s = view.t_s
                 if self._options.headless:
                     self._start_again(bus, view)
@@ -261,7 +271,7 @@ class LocalRun:
             self._person_halted = command.operation is Operation.PAUSE
         if permit is not None and permit.stop_sources:
             self._person_halted = True
-        if view.mode == _WAITING and permit is not None and permit.granted and not self._person_halted:
+        if not started(view) and permit is not None and permit.granted and not self._person_halted:
             bus.publish(OPERATION, OperatorCommand(time.monotonic(), Operation.START))
 
     def _await_recorded(self, bus: ZenohBus) -> None:
@@ -284,9 +294,9 @@ class LocalRun:
         self._supervisor.end("simulator", END_TIMEOUT_S)
         self._supervisor.end_all(END_TIMEOUT_S)
 
-    def _summarise(self, view: PlannerView, began_s: float) -> None:
+    def _summarise(self, view: PlannerView, permit: Permit | None, began_s: float) -> None:
         folder, wall_s = self._paths.folder, time.monotonic() - self._started_wall_s
         try:
-            print(summarise(folder, self._paths.work, self._options, view, began_s, wall_s), flush=True)
+            print(summarise(folder, self._paths.work, self._options, view, permit, began_s, wall_s), flush=True)
         except OSError as error:
             raise ProcessFailed(f"The summary cannot be written to {folder}: {error.strerror}.", 1) from error

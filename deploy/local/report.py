@@ -8,15 +8,24 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from common.messages import PlannerView
+from common.messages import Permit, PlannerView
+from common.mission_state import mission_state
 from common.node_loop import STEPS_SUFFIX
 from offboard.evaluate.run_text import figures
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from offboard.simulator.run.options import RunOptions, floor_json
 
 
-def summarise(folder: Path, work: Path, options: RunOptions, view: PlannerView, began_s: float, wall_s: float) -> str:
-    """Writes summary.json; returns its closing line. `view`: the newest one; `began_s`: on the mission's clock.
+def summarise(
+    folder: Path,
+    work: Path,
+    options: RunOptions,
+    view: PlannerView,
+    permit: Permit | None,
+    began_s: float,
+    wall_s: float,
+) -> str:
+    """Writes summary.json; returns its closing line. `view`, `permit`: the newest; `began_s`: on the mission's clock.
 
     Raises OSError.
     """
@@ -26,7 +35,7 @@ def summarise(folder: Path, work: Path, options: RunOptions, view: PlannerView, 
         start=options.start,
         options=options.as_dict(),
         outcome=view.outcome,
-        reason=view.detail if view.outcome.ends_mission else f"ended while {view.detail}",
+        reason=mission_state(view, permit).text,
         simulated_time_s=round(view.t_s - began_s, 3),
         wall_time_s=round(wall_s, 3),
         steps=read_steps(work),

@@ -14,13 +14,13 @@ from typing import Any
 from common.clock import FreeClock
 from common.config import load_config
 from common.errors import StartError
-from common.messages import CARRIER, PERMIT, PLAN, POI, Operation
+from common.messages import CARRIER, PERMIT, PLAN, Operation
+from common.mission_state import hindrance
 from common.zenoh_bus import ZenohBus
 from offboard.command_center import operations, software_stop
 from offboard.command_center.operations import Answer
 from offboard.command_center.operator_client import operate, press_stop, request_release, wait_until
 from offboard.command_center.places import UnknownPlace, coordinates, find_place, findings_of_run, run_folder_of
-from offboard.command_center.snapshot import Finding
 from offboard.command_center.software_stop import Demand, StopControl
 
 LINK_TIMEOUT_S = 2.0
@@ -40,7 +40,7 @@ def add_verbs(verbs: Any) -> None:
         parser.add_argument("--config", type=Path, help="robot.toml of the mesh")
         if name == "goto":
             parser.add_argument(
-                "place", metavar="ROOM_OR_X,Y", help="door number, or metres; a leading minus needs -- before"
+                "place", metavar="ROOM_OR_X,Y", help="door number, or metres on the map, for example -3,1.5"
             )
             parser.add_argument("--run-dir", type=Path, help="run folder whose doors are meant; found by --config")
         parser.set_defaults(run=run)
@@ -80,9 +80,9 @@ def _release(arguments: argparse.Namespace) -> int:
         if report.permit.stop_epoch and not report.permit.stop_sources:
             print("No stop is latched; `resume` lets a robot that waits go on.")
             return 0
-        hindrance = software_stop.release_hindrance(StopControl(), report, now_s)
-        if hindrance:
-            print(hindrance, file=sys.stderr)
+        refusal = software_stop.release_hindrance(StopControl(), report, now_s)
+        if refusal:
+            print(refusal, file=sys.stderr)
             return 1
         control = request_release(bus)
         if control.demand is Demand.RELEASE or control.release_failed:
@@ -95,17 +95,16 @@ def _release(arguments: argparse.Namespace) -> int:
 
 
 def _operation(arguments: argparse.Namespace) -> int:
-    if arguments.verb == "goto":
-        _check_place(arguments.place)
+    operation = Operation(arguments.verb)
+    x_m, y_m = _place(arguments) if operation is Operation.GOTO else (0.0, 0.0)
     bus = _join(arguments)
     try:
-        operation = Operation(arguments.verb)
-        x_m, y_m = _place(bus, arguments) if operation is Operation.GOTO else (0.0, 0.0)
         wait_until(lambda: bus.latest(PERMIT) is not None, LINK_TIMEOUT_S)
         permit = bus.latest(PERMIT)
-        hindrance = operations.hindrance(operation, permit)
-        if hindrance:
-            print(hindrance, file=sys.stderr)
+        # What the planner is doing it knows best itself
+        refusal = hindrance(operation, None, permit)
+        if refusal:
+            print(refusal, file=sys.stderr)
             return 1
         answer = operate(bus, operation, x_m, y_m)
         sentence = operations.result_sentence(arguments.verb, answer, bus.latest(PERMIT), bus.latest(PLAN))
@@ -115,19 +114,18 @@ def _operation(arguments: argparse.Namespace) -> int:
         bus.close()
 
 
-def _check_place(text: str) -> None:
-    """Reports a malformed place before it connects to the mesh."""
+def _place(arguments: argparse.Namespace) -> tuple[float, float]:
+    """Found before it connects to the mesh; raises StartError."""
     try:
-        coordinates(text)
-    except UnknownPlace as error:
-        raise StartError(str(error)) from error
-
-
-def _place(bus: ZenohBus, arguments: argparse.Namespace) -> tuple[float, float]:
-    folder = arguments.run_dir or run_folder_of(arguments.config)
-    known = findings_of_run(folder) if folder is not None else {}
-    known |= {poi.poi_id: Finding(poi.number, poi.x_m, poi.y_m) for poi in bus.take(POI)}
-    try:
-        return find_place(arguments.place, known.values())
+        place = coordinates(arguments.place)
+        if place is not None:
+            return place
+        folder = arguments.run_dir or run_folder_of(arguments.config)
+        if folder is None:
+            raise UnknownPlace(
+                f"Whose door {arguments.place} is not known: give the run's folder with --run-dir, or its "
+                "process/robot.toml with --config; or write X,Y in metres."
+            )
+        return find_place(arguments.place, findings_of_run(folder).values())
     except UnknownPlace as error:
         raise StartError(str(error)) from error

@@ -20,6 +20,7 @@ from common.node import Node
 from common.process import argument_parser, run
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.command_center import CommandCenter
+from offboard.command_center.log_history import logged_before
 from offboard.command_center.places import findings_of_run, run_folder_of
 from offboard.command_center.stop_desk import StopSender
 
@@ -38,7 +39,10 @@ class Terminal:
     def make_node(self, config: Config, _: argparse.Namespace) -> CommandCenter:
         self._config = config
         run_dir: Path | None = self._arguments.run_dir or run_folder_of(self._arguments.config)
-        return CommandCenter(time.monotonic, findings_of_run(run_dir) if run_dir is not None else {})
+        if run_dir is None:
+            return CommandCenter(time.monotonic)
+        earlier_log = logged_before(run_dir, time.monotonic(), time.time())
+        return CommandCenter(time.monotonic, findings_of_run(run_dir), earlier_log=earlier_log)
 
     def show(self, node: Node, bus: Bus, stop: threading.Event) -> int:
         assert isinstance(node, CommandCenter)

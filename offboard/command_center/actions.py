@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from textual.widgets import Input, TextArea
 
 from common.messages import Operation
-from offboard.command_center import operations
+from common.mission_state import hindrance
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.screens.help import HelpScreen
 from offboard.command_center.screens.main import MainScreen
@@ -30,16 +30,19 @@ else:
 
 END_MESH, KEEP_MESH = 0, 3  # exit codes
 
-# A command that sets the robot in motion needs a confirmation; a stop never does
+# A command that sets the robot in motion needs a confirmation, with this title and button; a stop never does
 _QUESTIONS = {
-    Operation.START: ("Start the mission", "The robot begins to drive, explores the floor and comes home.", "Start"),
-    Operation.RESUME: ("Resume", "The robot goes on where it was paused or stopped.", "Resume"),
-    Operation.HOME: ("Drive home", "The robot gives up what is left of its list and drives home.", "Drive home"),
+    Operation.START: ("Start the mission", "Start"),
+    Operation.RESUME: ("Resume", "Resume"),
+    Operation.HOME: ("Drive home", "Drive home"),
 }
 
 
 class OperatorActions(AppBase):
-    """Mixed into the app; `node` is the Command Center itself."""
+    """Mixed into the app; `node` is the Command Center itself.
+
+    A dialog is awaited until it is on the screen: the key that comes next belongs to it, however busy the program is.
+    """
 
     node: CommandCenter
     main: MainScreen
@@ -61,25 +64,25 @@ class OperatorActions(AppBase):
     def writes_into_a_field(self) -> bool:
         return isinstance(self.focused, (Input, TextArea))
 
-    def action_release(self) -> None:
-        hindrance = self.node.stop_desk.hindrance()
-        if hindrance:
-            self.notify(hindrance, title="Not released", severity="warning")
+    async def action_release(self) -> None:
+        refusal = self.node.stop_desk.hindrance()
+        if refusal:
+            self.notify(refusal, title="Not released", severity="warning")
             return
 
         def answered(release: bool | None) -> None:
             if release:
                 self.node.stop_desk.release()
 
-        self.push_screen(ReleaseScreen(self.node.stop_desk.hindrance), answered)
+        await self.push_screen(ReleaseScreen(self.node.stop_desk.hindrance), answered)
 
     # The mission
 
-    def action_operate(self, name: str) -> None:
-        operation = Operation(name)
-        hindrance = operations.hindrance(operation, self.node.snapshot().permit)
-        if hindrance:
-            self.notify(hindrance, title=f"No {name}", severity="warning", markup=False)
+    async def action_operate(self, name: str) -> None:
+        operation, snapshot = Operation(name), self.node.snapshot()
+        refusal = hindrance(operation, snapshot.view, snapshot.permit)
+        if refusal:
+            self.notify(refusal, title=f"No {name}", severity="warning")
             return
         if operation not in _QUESTIONS:
             self.node.operate(operation)
@@ -89,14 +92,14 @@ class OperatorActions(AppBase):
             if yes:
                 self.node.operate(operation)
 
-        self.push_screen(ConfirmScreen(*_QUESTIONS[operation]), answered)
+        await self.push_screen(ConfirmScreen(operation, *_QUESTIONS[operation]), answered)
 
-    def action_goto(self) -> None:
+    async def action_goto(self) -> None:
         def answered(place: tuple[float, float] | None) -> None:
             if place is not None:
                 self.node.operate(Operation.GOTO, *place)
 
-        self.push_screen(GotoScreen(self.node.snapshot().findings), answered)
+        await self.push_screen(GotoScreen(self.node.snapshot().findings), answered)
 
     # The log
 
@@ -115,13 +118,13 @@ class OperatorActions(AppBase):
     def action_follow_log(self) -> None:
         self.main.log_view.follow(not self.main.log_view.following)
 
-    def action_choose_topics(self) -> None:
+    async def action_choose_topics(self) -> None:
         def answered(topics: frozenset[str] | None) -> None:
             if topics is not None:
                 self.node.show_messages(topics)
                 self.main.set_topics(topics)
 
-        self.push_screen(TopicsScreen(self.main.filter.topics), answered)
+        await self.push_screen(TopicsScreen(self.main.filter.topics), answered)
 
     def action_copy_line(self) -> None:
         entry = self.main.log_view.marked
@@ -146,10 +149,10 @@ class OperatorActions(AppBase):
 
     # The program
 
-    def action_help(self) -> None:
-        self.push_screen(HelpScreen())
+    async def action_help(self) -> None:
+        await self.push_screen(HelpScreen())
 
-    def action_leave(self) -> None:
+    async def action_leave(self) -> None:
         if not self.owns_mesh:
             self.exit(END_MESH)
             return
@@ -158,7 +161,7 @@ class OperatorActions(AppBase):
             if choice in ("end", "keep"):
                 self.exit(END_MESH if choice == "end" else KEEP_MESH)
 
-        self.push_screen(LeaveScreen(), answered)
+        await self.push_screen(LeaveScreen(), answered)
 
     async def action_quit(self) -> None:
-        self.action_leave()
+        await self.action_leave()

@@ -16,10 +16,12 @@ from textual.screen import Screen
 from textual.theme import Theme
 
 from offboard.command_center.actions import OperatorActions
+from offboard.command_center.alerts import Alerts
 from offboard.command_center.bindings import (
     GENERAL_BINDINGS,
     HELP,
     LOG_BINDINGS,
+    MAIN_SCREEN_ACTIONS,
     OPERATION_BINDINGS,
     STOP_BINDINGS,
 )
@@ -28,12 +30,15 @@ from offboard.command_center.operations import Answer
 from offboard.command_center.screens.guarded import Guarded, GuardedPalette
 from offboard.command_center.screens.main import MainScreen
 from offboard.command_center.software_stop import Demand
+from offboard.command_center.widgets.robot_panel import WIDE_COLUMNS
 
 PULL_PERIOD_S = 0.2
 BAR_PERIOD_S = 0.1  # while a demand is not confirmed: people watch the seconds
 MAP_PERIOD_S = 1.0
+ALERT_S = 30.0
 
-WIDTHS: list[tuple[int, str]] | None = [(0, "-narrow"), (100, "-wide"), (130, "-very-wide")]
+WIDTHS: list[tuple[int, str]] | None = [(0, "-narrow"), (WIDE_COLUMNS, "-wide"), (130, "-very-wide")]
+HEIGHTS: list[tuple[int, str]] | None = [(0, "-low"), (32, "-high")]
 THEME = Theme(
     name="command-center",
     primary="#58a6ff",
@@ -57,7 +62,8 @@ class CommandCenterApp(OperatorActions, App[int]):
     CSS_PATH = "command_center.tcss"
     TITLE = "Indoor Mapping"
     HORIZONTAL_BREAKPOINTS = WIDTHS
-    BINDINGS: ClassVar[list[BindingType]] = [*STOP_BINDINGS, *OPERATION_BINDINGS, *LOG_BINDINGS, *GENERAL_BINDINGS]
+    VERTICAL_BREAKPOINTS = HEIGHTS
+    BINDINGS: ClassVar[list[BindingType]] = [*STOP_BINDINGS, *GENERAL_BINDINGS, *OPERATION_BINDINGS, *LOG_BINDINGS]
 
     def __init__(
         self,
@@ -77,6 +83,7 @@ class CommandCenterApp(OperatorActions, App[int]):
         self._robot = robot
         self._stop = stop or threading.Event()
         self._reported_operation = 0
+        self._alerts = Alerts()
 
     def notify(
         self,
@@ -101,6 +108,8 @@ class CommandCenterApp(OperatorActions, App[int]):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "software_stop_by_space":
             return not self.writes_into_a_field()
+        if action in MAIN_SCREEN_ACTIONS:
+            return self.screen is self.main and not self.writes_into_a_field()
         return True
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
@@ -124,6 +133,9 @@ class CommandCenterApp(OperatorActions, App[int]):
             if isinstance(screen, Guarded) and screen.is_mounted:
                 screen.stop_bar.show(snapshot, self._robot)
                 screen.show(snapshot)
+        for text in self._alerts.news(snapshot):
+            self.bell()
+            self.notify(text, timeout=ALERT_S)
         result = snapshot.operation
         if result is not None and result.answer is not Answer.WAITING and result.serial != self._reported_operation:
             self._reported_operation = result.serial

@@ -11,7 +11,7 @@ import secrets
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from math import hypot
 from typing import Any, TypeVar
@@ -66,7 +66,8 @@ class CommandCenter:
     """The node. `clock` is the time that `step` is given too: people press keys between two steps. The clocks of the
     robot's computers are compared with `wall_clock` (s since 1970).
 
-    `findings`: points of interest by their id that were found before this program was started.
+    `findings`: points of interest by their id that were found before this program was started; `earlier_log`: what was
+    logged before that.
     """
 
     name = "command_center"
@@ -78,6 +79,7 @@ class CommandCenter:
         clock: Callable[[], float],
         findings: Mapping[int, Finding] | None = None,
         wall_clock: Callable[[], float] = time.time,
+        earlier_log: Iterable[LogEntry] = (),
     ) -> None:
         self.stop_desk = StopDesk(clock)
         self._clock, self._wall_clock = clock, wall_clock
@@ -85,7 +87,7 @@ class CommandCenter:
         self._snapshot = Snapshot(clock())
         self._status = StatusReporter(self.name)
         self._rates = {module: RateMeter() for module in STATUS}
-        self._logs: deque[LogEntry] = deque()
+        self._logs = deque(earlier_log)
         self._dropped = 0
         self._shown_topics: frozenset[str] = frozenset()
         self._subscribed_topics: frozenset[str] = frozenset()

@@ -62,13 +62,6 @@ def new_operation(
     return PendingOperation(OperatorCommand(now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch), now_s)
 
 
-def hindrance(operation: Operation, permit: Permit | None) -> str:
-    """Why it would not be taken now, as one sentence; empty where it may be."""
-    if operation is Operation.RESUME and permit is not None and permit.stop_sources:
-        return f"The robot is {permit.reason}: release the stop first, then resume."
-    return ""
-
-
 def result_sentence(operation: str, answer: Answer, permit: Permit | None, view: PlannerView | None) -> str:
     """The sentence for a person about a command that is over."""
     held = permit.reason if permit is not None and (permit.stop_sources or not permit.resumed) else ""

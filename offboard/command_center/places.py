@@ -21,6 +21,7 @@ class UnknownPlace(ValueError):
 
 def coordinates(text: str) -> tuple[float, float] | None:
     """The place that X,Y names in metres; None where it is the number of a door. Raises UnknownPlace."""
+    text = text.strip()
     if "," not in text:
         return None
     try:

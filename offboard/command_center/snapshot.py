@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.messages import CarrierReport, Permit, PlannerView, PoseEstimate
+from common.mission_state import MissionState, mission_state
 from offboard.command_center.board_watch import BoardRow
 from offboard.command_center.module_watch import ModuleRow
 from offboard.command_center.operations import Answer
@@ -56,6 +57,10 @@ class Snapshot:
     @property
     def look(self) -> Look:
         return look(self.control, self.report, self.now_s)
+
+    @property
+    def mission(self) -> MissionState:
+        return mission_state(self.view, self.permit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,6 +90,12 @@ class RunReader:
     ) -> None:
         self.close()
 
+    def newest_row(self) -> tuple[int, float]:
+        """Row of the newest message, and how long after the oldest one it arrived; zeros where there is none."""
+        ends = "(SELECT min(row) FROM messages), (SELECT max(row) FROM messages)"
+        rows = list(self._rows(f"SELECT row, arrived_s FROM messages WHERE row IN ({ends}) ORDER BY row"))
+        return (int(rows[-1][0]), float(rows[-1][1]) - float(rows[0][1])) if rows else (0, 0.0)
+
     def messages(
         self,
         *topics: Topic[P],

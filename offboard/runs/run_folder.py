@@ -31,6 +31,7 @@ SMOOTHED_NAME = "trajectory_smoothed.tum"  # the path as it was estimated in the
 TRUTH_NAME = "truth.tum"  # simulation only
 MAP_POINTS_NAME = "map_points.csv"
 POIS_NAME = "pois.json"
+SETTINGS_NAME = "settings.json"  # floor, start and seed, simulation only
 SUMMARY_NAME = "summary.json"
 DATABASE_NAME = "run.sqlite"  # every message of the run
 MAP_SVG_NAME = "map.svg"

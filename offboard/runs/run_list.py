@@ -9,17 +9,15 @@ from pathlib import Path
 
 from common.errors import SENTENCE_MAX, StartError, sentence
 from common.json_reader import Node, load_json
-from common.messages import PLAN, Outcome
+from common.messages import PERMIT, PLAN, Outcome
+from common.mission_state import ENDED, mission_state
 from common.plain_text import plain
 from offboard.runs.run_database import RunReader
-from offboard.runs.run_folder import DATABASE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
+from offboard.runs.run_folder import DATABASE_NAME, SETTINGS_NAME, SUMMARY_NAME, TRAJECTORY_NAME, RunFolderError
 
 _NEWEST_S = datetime(9999, 1, 1, tzinfo=UTC).timestamp()  # some file systems know later times than Python
 _ADVICE = "name a folder that holds runs, or record one with `indoor-mapping local`"
 FIGURES = ("coverage", "map_rmse_m", "home_m", "ate_fit_m")
-
-
-_ENDS = {Outcome.NONE: "not finished", Outcome.STOPPED: "not finished, stopped"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +29,35 @@ class RunLine:
     floor: str = ""
     duration_s: float | None = None
     outcome: Outcome | None = None  # None: not recorded
+    state: str = ""  # what it did last, in the words of common/mission_state.py
     figures: dict[str, float] = field(default_factory=dict)
     damage: tuple[str, ...] = ()
 
     def as_text(self) -> str:
-        ended = "unknown end" if self.outcome is None else _ENDS.get(self.outcome, self.outcome.value)
-        parts = [f"{self.date:%Y-%m-%d %H:%M}", self.floor or "-", f"{self.duration_s or 0.0:.0f} s", ended]
+        parts = [f"{self.date:%Y-%m-%d %H:%M}", self.floor or "-", f"{self.duration_s or 0.0:.0f} s", self._end()]
         parts += [f"{name} {value:.3f}" for name, value in self.figures.items()]
         return plain(". DAMAGED: ".join([f"{self.folder}  {', '.join(parts)}", *self.damage]), SENTENCE_MAX)
+
+    def _end(self) -> str:
+        if self.outcome is None:
+            return "unknown end"
+        ended = ENDED.get(self.outcome)
+        return ended or (f"not ended: {self.state}" if self.state else "not ended")
 
 
 def _with_change_time(line: RunLine) -> RunLine:
     changed_s = min(max(line.folder.stat().st_mtime, 0.0), _NEWEST_S)
     return replace(line, date=datetime.fromtimestamp(changed_s, UTC).astimezone())
+
+
+def _with_settings(line: RunLine) -> RunLine:
+    """As a simulated run has them from its beginning on."""
+    file = line.folder / SETTINGS_NAME
+    if not file.exists():
+        return line
+    return replace(
+        line, floor=Node(load_json(file, str(file), RunFolderError), str(file), RunFolderError).text("floor")
+    )
 
 
 def _with_summary(line: RunLine) -> RunLine:
@@ -56,6 +70,7 @@ def _with_summary(line: RunLine) -> RunLine:
         floor=summary.text("floor"),
         duration_s=summary.number("simulated_time_s"),
         outcome=_outcome(summary),
+        state=summary.text("reason") if summary.has("reason") else "",
         figures={name: summary.number(name) for name in filter(summary.has, FIGURES)},
     )
 
@@ -79,15 +94,18 @@ def _with_database(line: RunLine) -> RunLine:
         line = replace(line, date=dates[0] if dates else line.date)
         if line.duration_s is None:
             view = run.latest(PLAN)
-            outcome = view.payload.outcome if view is not None else None
-            line = replace(line, duration_s=run.duration_s(), outcome=outcome)
+            if view is not None:
+                permit = run.latest(PERMIT)
+                state = mission_state(view.payload, permit.payload if permit is not None else None)
+                line = replace(line, outcome=view.payload.outcome, state=state.text)
+            line = replace(line, duration_s=run.duration_s())
     return line
 
 
 def read_run(folder: Path) -> RunLine:
     """From the summary where there is one, else from the database; damaged files are listed in `damage`."""
     line = RunLine(folder, datetime.fromtimestamp(0, UTC))
-    for read in (_with_change_time, _with_summary, _with_database):
+    for read in (_with_change_time, _with_settings, _with_summary, _with_database):
         try:
             line = read(line)
         except (StartError, OSError) as error:

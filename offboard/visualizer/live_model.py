@@ -35,6 +35,7 @@ from common.messages import (
     Topic,
     Trajectory,
 )
+from common.mission_state import mission_state
 from common.modules import ON_ROBOT
 from offboard.export.drawing_bounds import drawing_bounds
 from offboard.runs.map_assembly import MapAssembly
@@ -77,8 +78,8 @@ class LiveModel:
             MAP.key: self._take_map,
             TRAJECTORY.key: self._take_trajectory,
             POI.key: self._take_poi,
-            PLAN.key: lambda plan: self._replace("plan", plan),
-            PERMIT.key: lambda permit: self._replace("permit", permit),
+            PLAN.key: self._take_plan,
+            PERMIT.key: self._take_permit,
             GRID.key: lambda grid: self._replace("grid", grid),
         }
 
@@ -141,6 +142,16 @@ class LiveModel:
     def _replace(self, channel: str, message: Any) -> None:
         setattr(self, channel, message)
         self._changed(channel)
+
+    def _take_plan(self, plan: PlannerView) -> None:
+        self._replace("plan", plan)
+        self._changed("mission")
+
+    def _take_permit(self, permit: Permit) -> None:
+        """It comes many times a second, and mostly brings nothing new."""
+        old, self.permit = self.permit, permit
+        if mission_state(self.plan, old) != mission_state(self.plan, permit):
+            self._changed("mission")
 
     def _take_pose(self, pose: PoseEstimate) -> None:
         # Counted, so that the number of poses that a slow client skipped is known

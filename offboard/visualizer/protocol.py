@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from common.errors import ERRORS, ErrorInfo
+from common.mission_state import mission_state
 from common.modules import MODULES, SPECIFIED
 from offboard.export.formats import EXPORTS
 from offboard.visualizer.live_model import LiveModel, Token
@@ -131,19 +132,14 @@ def _plan(model: LiveModel, _: Token | None, __: float) -> PageMessage:
     plan = model.plan
     assert plan is not None
     return text_message(
-        "plan",
-        mode=plan.mode,
-        detail=plan.detail,
-        path_m=np.asarray(plan.path_m, np.float64).round(2).tolist(),
-        halls_open=plan.halls_open,
-        area_m2=round(plan.area_m2, 1),
+        "plan", path_m=np.asarray(plan.path_m, np.float64).round(2).tolist(), area_m2=round(plan.area_m2, 1)
     )
 
 
-def _permit(model: LiveModel, _: Token | None, __: float) -> PageMessage:
-    permit = model.permit
-    assert permit is not None
-    return text_message("permit", granted=permit.granted, reason=permit.reason, stop_sources=list(permit.stop_sources))
+def _mission(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+    """In words, which are the same everywhere."""
+    state = mission_state(model.plan, model.permit)
+    return text_message("mission", text=state.text, stage=state.stage.value, standing=state.standing, halls=state.halls)
 
 
 def _pois(model: LiveModel, _: Token | None, __: float) -> PageMessage:
@@ -153,8 +149,8 @@ def _pois(model: LiveModel, _: Token | None, __: float) -> PageMessage:
 # The robot first: it is what must not be late
 _CHANNELS: dict[str, Callable[[LiveModel, Token | None, float], PageMessage]] = {
     "pose": _pose,
+    "mission": _mission,
     "plan": _plan,
-    "permit": _permit,
     "map": _map,
     "pois": _pois,
     "trail": _trail,

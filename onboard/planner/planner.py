@@ -40,6 +40,7 @@ from common.messages import (
     Speed,
     Topic,
 )
+from common.mission_state import is_stopped
 from common.side_process import ProcessWorker
 from common.status import StatusReporter
 from common.undecodable import Undecodable
@@ -54,8 +55,8 @@ from onboard.planner.grid.deliberation import BESIDE, Deliberator, Query
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.grid_reading import GridError
 from onboard.planner.grid.view import Motion, View
-from onboard.planner.mission.mission import Mission
-from onboard.planner.mission.orders import Orders, is_stopped
+from onboard.planner.mission.mission import Mission, has_floor
+from onboard.planner.mission.orders import Orders
 from onboard.planner.mission.table import BLOCKED, Event
 
 VIEW_PERIOD_S = 0.5
@@ -182,11 +183,14 @@ class Planner:
         event = self._orders.event_of(command, permit)
         if event is None or (event is Event.START and pose is None):
             return  # no answer yet: it comes again
+        place_m = (command.x_m, command.y_m)
+        if event is Event.GO_TO and self._grid is not None and not has_floor(self._grid, place_m):
+            event = Event.GO_NOWHERE
         if event is Event.START:
             assert pose is not None
             step = self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad), now_s)
         else:
-            step = self._mission.order(event, (command.x_m, command.y_m))
+            step = self._mission.order(event, place_m)
         _log.info("operation=%s refused=%s %s", event.name, step.refused, step.note)
         self._orders.answered(command, permit, step)
         if command.command_id:
@@ -288,6 +292,7 @@ class Planner:
                 command_id=answer.command_id,
                 refused=answer.refused,
                 note=answer.note,
+                paused=mission.paused,
             ),
         )
 

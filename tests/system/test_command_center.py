@@ -194,7 +194,7 @@ def test_local_opens_it_in_its_terminal_and_leaving_ends_the_mesh_when_asked_to(
         until(lambda: terminal.shows("link live"), 20.0, "the link")
         terminal.press(b"q")
         until(lambda: terminal.shows("End everything"), 10.0, "the question")
-        terminal.press(b"\r")
+        terminal.press(b"\x1b[C\x1b[C\r")
         until(terminal.ended, 40.0, "the end of local")
     finally:
         code = terminal.close()

@@ -80,12 +80,15 @@ class Rig:
         self.bus = self.mesh.endpoint("command_center")
         self.robot = self.mesh.endpoint("robot")
         self.node = CommandCenter(lambda: self.mesh.now_s, wall_clock=lambda: EPOCH_S + self.mesh.now_s)
+        self.speaking: tuple[str, ...] = SPEAKING
         self.silent: set[str] = set()
         self.errors: dict[str, ErrorCode] = {}
         self.sources: set[str] = set()
         self.deaf = False
         self.moves = True
         self.words = ""  # what every module says of itself
+        self.mission: dict[str, Any] = {}  # what the planner says else than that it follows a hall
+        self.resumed = True  # since the newest stop
         self.stops: list[StopRequest] = []
         self.operations: list[OperatorCommand] = []
         self.epoch, self.stop_ids, self.button_pressed = 1, list[int](), False
@@ -148,7 +151,7 @@ class Rig:
 
     def _report(self) -> None:
         now_s, say = self.now_s, self.robot.publish
-        for module in SPEAKING:
+        for module in self.speaking:
             if module not in self.silent:
                 error = self.errors.get(module, ErrorCode.OK)
                 ready, words = error is ErrorCode.OK, self.words
@@ -161,10 +164,13 @@ class Rig:
             say(CARRIER, replace(report, board_epoch=self.epoch, button_pressed=self.button_pressed))
         if "comm" not in self.silent:
             sources, stop_ids = tuple(sorted(self.sources)), tuple(self.stop_ids)
-            say(PERMIT, Permit(now_s, not sources, self.words, sources, stop_epoch=self.epoch, stop_ids=stop_ids))
+            reason = self.words or (f"stopped by {', '.join(sources)}" if sources else "")
+            permit = Permit(now_s, not sources and self.resumed, reason, sources, stop_epoch=self.epoch)
+            say(PERMIT, replace(permit, stop_ids=stop_ids, resumed=self.resumed))
         if "mmu" not in self.silent:
             say(POSE, PoseEstimate(now_s, 3.2, -1.05, 1.57, 0.0, 0.03, 0.01, 1))
         if "planner" not in self.silent:
             way = np.array([[4.0, 0.0]], np.float32)
             does = self.words or "following the hall"
-            say(PLAN, PlannerView(now_s, "STRAIGHT", does, way, 3, 42.5, command_id=self._acknowledged))
+            view = PlannerView(now_s, "STRAIGHT", does, way, 3, 42.5, command_id=self._acknowledged)
+            say(PLAN, replace(view, **self.mission))

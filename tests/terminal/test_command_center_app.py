@@ -14,7 +14,7 @@ from textual.widgets import Input
 from common.errors import ERRORS, ErrorCode
 from common.messages import PERMIT, POI, BoardState, Operation, PointOfInterest
 from common.modules import MODULES
-from offboard.command_center.actions import KEEP_MESH
+from offboard.command_center.actions import END_MESH, KEEP_MESH
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.screens.guarded import Guarded
 from offboard.command_center.software_stop import Look
@@ -92,11 +92,11 @@ async def test_what_is_old_is_marked_and_never_shown_as_live(tmp_path: Path) -> 
     app = rig.app(tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(rig, app, pilot)
-        assert "LAST KNOWN" not in str(app.main.robot.render())
+        assert "LAST KNOWN" not in app.main.robot.words
         rig.silent = {"mmu", "bridge"}
         await settle(rig, app, pilot, 2.0)
         assert cell(app, "mmu", "age").startswith("STALE 2")
-        position = str(app.main.robot.render())
+        position = app.main.robot.words
         assert "x 3.20  y -1.05 m" in position
         assert "LAST KNOWN, 2" in position
         assert "wheel speed unknown" in bar(app)
@@ -263,8 +263,10 @@ async def test_a_resume_of_a_latched_stop_promises_nothing(tmp_path: Path) -> No
     ("keys", "operation"),
     [
         (("s", "enter"), Operation.START),
+        (("S", "enter"), Operation.START),
         (("p",), Operation.PAUSE),
         (("r", "enter"), Operation.RESUME),
+        (("R", "enter"), Operation.RESUME),
         (("h", "enter"), Operation.HOME),
         (("g", *"214", "enter"), Operation.GOTO),
     ],
@@ -275,6 +277,8 @@ async def test_operations_are_asked_for_where_they_move_the_robot_and_repeated_u
 ) -> None:
     rig = Rig()
     rig.find_door("214", 7.0, 1.5)
+    rig.mission = {"mode": "WAITING"} if operation is Operation.START else {"paused": True}
+    rig.run(0.5)
     rig.silent = {"planner"}
     app = rig.app(tmp_path)
     async with app.run_test(size=SIZE) as pilot:
@@ -351,7 +355,7 @@ async def test_words_from_outside_are_never_markup_nor_reach_the_terminal_as_con
         await settle(rig, app, pilot)
         assert CLEANED in bar(app)
         assert cell(app, "mmu", "state") == CLEANED
-        assert f"none  {CLEANED}" in str(app.main.robot.render())
+        assert f"stands still  {CLEANED}" in app.main.robot.words
         texts = [entry.text for entry in app.main.log_view.book.shown]
         assert any(text.endswith(f"_{CLEANED},{CLEANED}") for text in texts)
         assert all(text.isprintable() for text in texts)
@@ -444,12 +448,26 @@ async def test_the_map_shows_walls_and_the_robot(tmp_path: Path) -> None:
         assert "↑" in str(app.main.map.render())
 
 
-@pytest.mark.parametrize(("keys", "code"), [(("enter",), 0), (("tab", "enter"), KEEP_MESH)])
+@pytest.mark.parametrize(
+    ("keys", "code"),
+    [
+        (("enter",), None),
+        (("escape",), None),
+        (("right", "enter"), KEEP_MESH),
+        (("right", "right", "enter"), END_MESH),
+        (("right", "right", "left", "enter"), KEEP_MESH),
+        (("down", "tab", "enter"), END_MESH),
+    ],
+)
 @piloted
-async def test_leaving_asks_what_becomes_of_the_mesh(keys: tuple[str, ...], code: int, tmp_path: Path) -> None:
+async def test_leaving_asks_what_becomes_of_the_mesh_and_enter_alone_changes_nothing(
+    keys: tuple[str, ...], code: int | None, tmp_path: Path
+) -> None:
     app = Rig().app(tmp_path, owns_mesh=True)
     async with app.run_test(size=SIZE) as pilot:
         await pilot.press("q", *keys)
+        await pilot.pause()
+        assert app.is_running is (code is None)
     assert app.return_value == code
 
 

@@ -126,6 +126,28 @@ def test_a_place_without_a_path_is_given_up_after_a_while_and_the_next_order_is_
     assert drive.mission.state.outcome is Outcome.HOME
 
 
+def test_a_place_without_a_path_does_not_flip_between_two_modes() -> None:
+    drive = Drive(closed_hall(), Pose2(4.0, 0.0, 0.0))
+    drive.mission.order(Event.GO_TO, (4.0, 20.0))
+    assert drive.until(Mode.GOTO_BLOCKED, 20.0)
+    modes = set()
+    for _ in range(200):
+        drive.step()
+        modes.add(drive.mission.mode)
+    assert modes == {Mode.GOTO_BLOCKED}
+    assert sum("GOTO_BLOCKED" in note for note in drive.mission.take_notes()) == 1
+
+
+def test_a_way_that_is_free_again_is_driven() -> None:
+    drive = Drive(two_rooms(0.0), Pose2(2.0, 1.6, 0.0))
+    drive.mission.order(Event.GO_TO, (8.0, 1.6))
+    assert drive.until(Mode.GOTO_BLOCKED, 20.0)
+    drive.grid = two_rooms(1.6)
+    assert drive.until(Mode.GOTO, 10.0)
+    assert drive.until(Mode.DONE, 250.0)
+    assert drive.mission.state.outcome is Outcome.ARRIVED
+
+
 def test_choices_and_changes_of_mode_are_noted_once_with_their_figures() -> None:
     drive = Drive(closed_hall(), Pose2(4.0, 0.3, 2.0))
     drive.mission.start(drive.pose, drive.now_s)

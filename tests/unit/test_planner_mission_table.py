@@ -7,14 +7,13 @@ from itertools import product
 import pytest
 
 from common.messages import Operation, OperatorCommand, Outcome, Permit
-from onboard.planner.mission.orders import Orders, is_stopped
+from common.mission_state import NOT_PAUSED, STILL_PAUSED, is_stopped
+from onboard.planner.mission.orders import Orders
 from onboard.planner.mission.table import (
     AT_REST,
     EXPLORING,
     GOING_HOME,
-    NOT_PAUSED,
     ROW_OF,
-    STILL_PAUSED,
     TABLE,
     Event,
     Mode,
@@ -62,7 +61,7 @@ def test_a_refusal_has_a_sentence_and_is_of_an_operator() -> None:
     for state, event in ALL:
         step = after(state, event)
         if step.refused:
-            assert event in (Event.START, Event.RESUME)
+            assert event in (Event.START, Event.RESUME, Event.GO_NOWHERE)
             assert step.note.endswith(".")
 
 
@@ -88,7 +87,7 @@ def test_only_an_exploration_that_left_nothing_out_is_finished() -> None:
 def test_a_place_without_a_path_is_tried_again_until_it_is_given_up() -> None:
     blocked = (Event.GO_TO, Event.NO_PATH)
     assert run(*blocked).mode is Mode.GOTO_BLOCKED
-    assert run(*blocked, Event.RETRY, Event.ARRIVED).outcome is Outcome.ARRIVED
+    assert run(*blocked, Event.PATH, Event.ARRIVED).outcome is Outcome.ARRIVED
     assert run(*blocked, Event.TOO_LONG) == State(Mode.DONE, Outcome.GAVE_UP, Outcome.ARRIVED)
     assert run(*blocked, Event.TOO_LONG, Event.START).mode is Mode.LOOK
 

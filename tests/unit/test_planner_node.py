@@ -450,6 +450,31 @@ def test_goto_ends_where_it_was_asked_for() -> None:
     assert view.outcome is Outcome.ARRIVED
 
 
+def test_a_place_where_no_floor_is_known_is_refused_and_what_it_does_goes_on() -> None:
+    robot = Robot().started()
+    robot.ask(Operation.GOTO, 40.0, 40.0, command_id=7)
+    assert moving(robot.run(3.0)[-5:])
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert (view.command_id, view.refused) == (7, True)
+    assert view.note == "No floor is known there on which the robot could stand."
+    assert view.mode != "GOTO"
+
+
+def test_people_see_whether_it_is_paused() -> None:
+    robot = Robot().started()
+    robot.ask(Operation.PAUSE, command_id=8)
+    robot.run(1.0)
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert (view.paused, view.note) == (True, "")
+    robot.ask(Operation.PAUSE, command_id=9)
+    robot.run(1.0)
+    view = robot.others.latest(PLAN)
+    assert view is not None
+    assert (view.paused, view.note) == (True, "It was paused already.")
+
+
 def test_home_turns_to_the_first_heading_at_the_end() -> None:
     robot = Robot()
     assert robot.pose is not None
@@ -530,8 +555,8 @@ def test_a_pose_from_a_far_time_does_not_end_the_steering() -> None:
     assert robot.pose is not None
     robot.others.publish(POSE, replace(robot.pose, t_s=1e9))
     robot.planner.step(robot.bus, robot.now_s)
-    robot.ask(Operation.GOTO, 900.0, 900.0)
-    assert not moving(robot.run(2.0)[-5:]), "no path leads there"
+    robot.ask(Operation.PAUSE)
+    assert not moving(robot.run(2.0)[-5:])
 
 
 # Reaction times, by events

@@ -25,6 +25,7 @@ from common.messages import (
     TRAJECTORY,
     GridUpdate,
     MapUpdate,
+    Outcome,
     Permit,
     PlannerView,
     PointOfInterest,
@@ -93,9 +94,30 @@ def test_a_page_hears_of_everything_once(watched: Watched) -> None:
     watched.feed.take(PLAN, view)
     news = watched.news()
     assert (news["pose"]["x_m"], news["pose"]["valid"], news["pose"]["age_s"]) == (1.0, True, 0.0)
-    assert (news["permit"]["granted"], news["permit"]["stop_sources"]) == (False, ["operator"])
-    assert (news["plan"]["mode"], news["plan"]["path_m"], news["plan"]["area_m2"]) == ("ROUTE", [[1.0, 2.0]], 4.6)
+    assert (news["plan"]["path_m"], news["plan"]["area_m2"]) == ([[1.0, 2.0]], 4.6)
+    mission = {"text": "stopped while driving to a side hall", "stage": "explore", "standing": "poi is missing"}
+    assert news["mission"] == {"channel": "mission", **mission, "halls": "3 to visit"}
     assert watched.news() == {}
+
+
+def test_a_page_reads_of_the_mission_what_the_terminal_shows_and_only_when_it_changes(watched: Watched) -> None:
+    view = PlannerView(0.0, "ROUTE", "driving to a side hall", np.zeros((0, 2), np.float32), 3, 4.0)
+    free = Permit(0.0, True, "", stop_epoch=1)
+    watched.feed.take(PERMIT, free)
+    watched.feed.take(PLAN, dataclasses.replace(view, paused=True))
+    mission = watched.news()["mission"]
+    assert (mission["text"], mission["standing"]) == ("paused while driving to a side hall", "paused")
+    watched.feed.take(PERMIT, dataclasses.replace(free, t_s=0.1))
+    assert "mission" not in watched.news()
+    watched.feed.take(
+        PLAN, dataclasses.replace(view, mode="DONE", detail="arrived at the place", outcome=Outcome.ARRIVED)
+    )
+    mission = watched.news()["mission"]
+    assert (mission["text"], mission["stage"], mission["halls"]) == (
+        "arrived at the place",
+        "elsewhere",
+        "3 not visited",
+    )
 
 
 @pytest.mark.requirement("VSL_MR_04")

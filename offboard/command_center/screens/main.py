@@ -14,7 +14,7 @@ from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Footer, Input
 
-from common.messages import STATUS
+from common.modules import PACKAGES, publisher_of
 from offboard.command_center.log_book import LEVELS, LogBook, LogEntry, LogFilter
 from offboard.command_center.screens.guarded import Guarded
 from offboard.command_center.snapshot import FloorPicture, Snapshot
@@ -23,6 +23,7 @@ from offboard.command_center.widgets.log_view import LogView
 from offboard.command_center.widgets.map_panel import MapPanel
 from offboard.command_center.widgets.module_table import ModuleTable
 from offboard.command_center.widgets.robot_panel import RobotPanel
+from offboard.command_center.widgets.trouble import Trouble
 
 
 class MainScreen(Guarded, Screen[None]):
@@ -34,6 +35,7 @@ class MainScreen(Guarded, Screen[None]):
         super().__init__()
         self.modules = ModuleTable()
         self.robot = RobotPanel(page)
+        self.trouble = Trouble()
         self.boards = BoardLines()
         self.map = MapPanel()
         self.log_view = LogView(LogBook())
@@ -44,6 +46,7 @@ class MainScreen(Guarded, Screen[None]):
         with Horizontal(id="upper"):
             yield self.modules
             yield self.robot
+        yield self.trouble
         yield self.boards
         with Horizontal(id="lower"):
             yield self.log_view
@@ -52,12 +55,13 @@ class MainScreen(Guarded, Screen[None]):
         yield Footer(compact=True, show_command_palette=True)
 
     def on_mount(self) -> None:
-        self.search.display = self.boards.display = False
-        self.modules.focus()
+        self.search.display = self.boards.display = self.trouble.display = False
+        self.set_focus(self.modules)
 
     def show(self, snapshot: Snapshot) -> None:
         self.modules.show(snapshot)
         self.robot.show(snapshot)
+        self.trouble.show(snapshot, self.modules.marked_module)
         self.boards.show(snapshot)
 
     def show_floor(self, picture: FloorPicture) -> None:
@@ -83,19 +87,16 @@ class MainScreen(Guarded, Screen[None]):
 
     def open_search(self) -> None:
         self.search.display = True
-        self.search.focus()
+        self.set_focus(self.search)
 
     def cycle_level(self) -> None:
         following = LEVELS[(LEVELS.index(self.filter.level) + 1) % len(LEVELS)]
         self.set_filter(replace(self.filter, level=following))
 
     def cycle_module(self) -> None:
-        """The marked module first, then the ones after it, then all of them."""
+        """The marked module first, or whoever logs for it, then the ones after it, then all of them."""
         now = self.filter.module
-        if now is None:
-            wanted: str | None = self.modules.marked_module
-        else:
-            wanted = dict(pairwise(STATUS)).get(now)
+        wanted = publisher_of(self.modules.marked_module) if now is None else dict(pairwise(PACKAGES)).get(now)
         self.set_filter(replace(self.filter, module=wanted))
 
     def set_topics(self, topics: frozenset[str]) -> None:

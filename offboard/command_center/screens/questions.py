@@ -7,36 +7,63 @@ from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import BindingType
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Button, Input, SelectionList, Static
 
+from common.messages import Operation
+from common.mission_state import effect, hindrance
 from offboard.command_center.command_center import MESSAGE_TOPICS
 from offboard.command_center.places import UnknownPlace, find_place
-from offboard.command_center.screens.guarded import GuardedModal
+from offboard.command_center.screens.guarded import GuardedModal, T
 from offboard.command_center.snapshot import Finding, Snapshot
 
 RELEASE_WORD = "release"
 _FINDINGS_SHOWN = 12
 
 
-class ConfirmScreen(GuardedModal[bool]):
-    """A question with yes and no; enter is yes."""
+class ChoiceScreen(GuardedModal[T]):
+    """A question with buttons: the arrow keys go from one to the next, enter presses the marked one."""
 
-    def __init__(self, title: str, question: str, yes: str) -> None:
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left,up", "app.focus_previous", "Previous", show=False),
+        Binding("right,down", "app.focus_next", "Next", show=False),
+    ]
+
+
+class ConfirmScreen(ChoiceScreen[bool]):
+    """What a command to drive will do, as the robot stands now, with yes and no; enter is yes."""
+
+    def __init__(self, operation: Operation, title: str, yes: str) -> None:
         super().__init__()
         self.heading = title
-        self._question, self._yes = question, yes
+        self._operation, self._yes = operation, yes
+        self._effect = Static(markup=False, classes="question")
+        self._why_not = Static(markup=False, classes="warning")
 
     def content(self) -> ComposeResult:
-        yield Static(self._question, markup=False, classes="question")
+        yield self._effect
         with Horizontal(classes="buttons"):
             yield Button(self._yes, variant="primary", id="yes")
             yield Button("Back", id="no")
+        yield self._why_not
+
+    def on_mount(self) -> None:
+        self.show(self.center.node.snapshot())
+        self.set_focus(self.query_one("#yes"))
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Said anew whenever the robot's state changes: a stop may be latched while the question is open."""
+        self._effect.update(effect(self._operation, snapshot.view, snapshot.permit))
+        self._why_not.update(hindrance(self._operation, snapshot.view, snapshot.permit))
 
     @on(Button.Pressed)
     def answer(self, event: Button.Pressed) -> None:
-        self.dismiss(event.button.id == "yes")
+        snapshot = self.center.node.snapshot()
+        if event.button.id == "no":
+            self.dismiss(False)
+        elif not hindrance(self._operation, snapshot.view, snapshot.permit):
+            self.dismiss(True)
 
 
 class ReleaseScreen(GuardedModal[bool]):
@@ -47,6 +74,7 @@ class ReleaseScreen(GuardedModal[bool]):
     def __init__(self, hindrance: Callable[[], str]) -> None:
         super().__init__()
         self._hindrance = hindrance
+        self._wrong_word = ""
         self._why_not = Static(markup=False, classes="warning")
         self._word = Input(placeholder=RELEASE_WORD, id="word")
 
@@ -61,19 +89,22 @@ class ReleaseScreen(GuardedModal[bool]):
         yield self._why_not
 
     def on_mount(self) -> None:
-        self._word.focus()
+        self.set_focus(self._word)
 
     def show(self, snapshot: Snapshot) -> None:
-        self._why_not.update(self._hindrance())
+        self._why_not.update(self._hindrance() or self._wrong_word)
+
+    @on(Input.Changed)
+    def typed(self) -> None:
+        self._wrong_word = ""
 
     @on(Input.Submitted)
     def answer(self, event: Input.Submitted) -> None:
-        hindrance = self._hindrance()
-        if hindrance:
-            self._why_not.update(hindrance)
-        elif event.value.strip().lower() != RELEASE_WORD:
-            self._why_not.update(f"Nothing was released: the word is {RELEASE_WORD}.")
-        else:
+        right = event.value.strip().lower() == RELEASE_WORD
+        self._wrong_word = "" if right else f"Nothing was released: the word is {RELEASE_WORD}."
+        refusal = self._hindrance() or self._wrong_word
+        self._why_not.update(refusal)
+        if not refusal:
             self.dismiss(True)
 
 
@@ -85,19 +116,27 @@ class GotoScreen(GuardedModal[tuple[float, float]]):
     def __init__(self, findings: tuple[Finding, ...]) -> None:
         super().__init__()
         self._findings = findings
+        self._effect = Static(markup=False, classes="question")
         self._why_not = Static(markup=False, classes="warning")
         self._place = Input(placeholder="door number, or X,Y in metres", id="place")
 
     def content(self) -> ComposeResult:
-        numbers = sorted(finding.number for finding in self._findings if finding.number)
-        more = f" and {len(numbers) - _FINDINGS_SHOWN} more" if len(numbers) > _FINDINGS_SHOWN else ""
-        known = f"Doors: {', '.join(numbers[:_FINDINGS_SHOWN])}{more}" if numbers else "No door number was read yet."
-        yield Static(f"{known}\nEnter sets the robot in motion.", markup=False, classes="question")
+        yield self._effect
         yield self._place
         yield self._why_not
 
     def on_mount(self) -> None:
-        self._place.focus()
+        self.show(self.center.node.snapshot())
+        self.set_focus(self._place)
+
+    def show(self, snapshot: Snapshot) -> None:
+        does = effect(Operation.GOTO, snapshot.view, snapshot.permit)
+        self._effect.update(f"{self._known()}\n{does}")
+
+    def _known(self) -> str:
+        numbers = sorted(finding.number for finding in self._findings if finding.number)
+        more = f" and {len(numbers) - _FINDINGS_SHOWN} more" if len(numbers) > _FINDINGS_SHOWN else ""
+        return f"Doors: {', '.join(numbers[:_FINDINGS_SHOWN])}{more}" if numbers else "No door number was read yet."
 
     @on(Input.Submitted)
     def answer(self, event: Input.Submitted) -> None:
@@ -107,11 +146,11 @@ class GotoScreen(GuardedModal[tuple[float, float]]):
             self._why_not.update(str(error))
 
 
-class LeaveScreen(GuardedModal[str]):
-    """Leaving `local`: with the mesh or without it."""
+class LeaveScreen(ChoiceScreen[str]):
+    """Leaving `local`: with the mesh or without it. Enter alone changes nothing."""
 
     heading = "Leave the Command Center"
-    CHOICES: ClassVar[dict[str, str]] = {"end": "End everything", "keep": "Leave it running", "stay": "Stay"}
+    CHOICES: ClassVar[dict[str, str]] = {"stay": "Stay", "keep": "Leave it running", "end": "End everything"}
 
     def content(self) -> ComposeResult:
         yield Static(
@@ -121,7 +160,10 @@ class LeaveScreen(GuardedModal[str]):
         )
         with Horizontal(classes="buttons"):
             for choice, label in self.CHOICES.items():
-                yield Button(label, id=choice, variant="primary" if choice == "end" else "default")
+                yield Button(label, id=choice, variant="error" if choice == "end" else "default")
+
+    def on_mount(self) -> None:
+        self.set_focus(self.query_one("#stay"))
 
     @on(Button.Pressed)
     def answer(self, event: Button.Pressed) -> None:

@@ -65,14 +65,6 @@ def _error(row: ModuleRow, old: str) -> Text:
     return text
 
 
-def explanation(row: ModuleRow) -> str:
-    """What a person should know about the module; empty where all is well."""
-    if row.status is None or not row.status.error_code:
-        return ""
-    meaning, action = row.error
-    return f"{row.module}: {row.status.error_code} {meaning} → {action}"
-
-
 class ModuleTable(DataTable[Text]):
     """Rewrites only the cells that changed."""
 
@@ -101,6 +93,3 @@ class ModuleTable(DataTable[Text]):
             self._shown[row.module] = new
         live = sum(row.freshness is Freshness.LIVE for row in snapshot.rows)
         self.border_title = title(f"MODULES {live}/{len(snapshot.rows)} live")
-        marked = snapshot.rows[self.cursor_row] if snapshot.rows else None
-        # The marked row's words in full: its cell may be too narrow for them
-        self.border_subtitle = title(explanation(marked) if marked is not None else "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import degrees
 
+from rich.table import Table
 from rich.text import Text
 from textual.widgets import Static
 
@@ -12,50 +13,61 @@ from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.module_table import age_text
 from offboard.command_center.widgets.titles import title
 
-_LABEL, _OLD, _VALUE = "#8b949e", "italic #8b949e", "bold"
-_WIDTH = 10
+_LABEL, _OLD, _VALUE, _ODD = "#8b949e", "italic #8b949e", "bold", "bold #e3b341"
+_GOOD, _BAD = "bold #7ee787", "bold #ff7b72"
+
+WIDE_COLUMNS = 100  # from here on it has a place beside the modules
+
+Line = tuple[str, Text]  # label and value
 
 
-def _line(label: str, value: str, style: str = _VALUE, note: str = "", note_style: str = _LABEL) -> Text:
-    line = Text(f"{label:<{_WIDTH}}", style=_LABEL)
-    line.append(value, style=style)
+def _line(label: str, value: str, style: str = _VALUE, note: str = "", note_style: str = _LABEL) -> Line:
+    text = Text(value, style=style)
     if note:
-        line.append(f"  {note}", style=note_style)
-    return line
+        text.append(f"  {note}", style=note_style)
+    return label, text
 
 
-def mission_lines(snapshot: Snapshot) -> list[Text]:
+def mission_line(snapshot: Snapshot) -> Line:
+    """What it does, in the words of `common/mission_state.py`."""
+    old = snapshot.view is not None and snapshot.view_age_s > 3 * STALE_S
+    note = f"as of {age_text(snapshot.view_age_s)} ago" if old else ""
+    return _line("Mission", snapshot.mission.text, _OLD if old else _VALUE, note)
+
+
+def motion_line(snapshot: Snapshot) -> Line:
+    """May it drive, and why not?"""
+    if snapshot.permit is None or not snapshot.report.linked(snapshot.now_s):
+        return _line("Motion", "not received", _OLD)
+    standing = snapshot.mission.standing
+    if standing:
+        return _line("Motion", "stands still", _BAD, standing, "#e3b341")
+    return _line("Motion", "may move", _GOOD)
+
+
+def map_lines(snapshot: Snapshot) -> list[Line]:
     view = snapshot.view
     if view is None:
-        return [_line("Mission", "–"), _line("Halls", "–"), _line("Mapped", "–")]
-    old = snapshot.view_age_s > 3 * STALE_S
-    style = _OLD if old else _VALUE
+        return [_line("Halls", "–"), _line("Mapped", "–")]
+    style = _OLD if snapshot.view_age_s > 3 * STALE_S else _VALUE
     doors = len(snapshot.findings)
-    note = f"as of {age_text(snapshot.view_age_s)} ago" if old else view.detail
-    return [
-        _line("Mission", view.mode, style, note),
-        _line("Halls", f"{view.halls_open} open", style),
-        _line("Mapped", f"{view.area_m2:.1f} m²", style, f"{doors} doors found" if doors != 1 else "1 door found"),
-    ]
+    found = f"{doors} doors found" if doors != 1 else "1 door found"
+    return [_line("Halls", snapshot.mission.halls, style), _line("Mapped", f"{view.area_m2:.1f} m²", style, found)]
 
 
-def position_lines(snapshot: Snapshot) -> list[Text]:
+def position_line(snapshot: Snapshot) -> Line:
     """Where the robot is, or where it was last known to be."""
     pose = snapshot.pose
     if pose is None:
-        return [_line("Position", "not known yet", _OLD), Text("")]
+        return _line("Position", "not known yet", _OLD)
     place = f"x {pose.x_m:.2f}  y {pose.y_m:.2f} m  {degrees(pose.heading_rad):.0f}°"
     if snapshot.pose_age_s > STALE_S:
-        note = f"LAST KNOWN, {age_text(snapshot.pose_age_s)} ago"
-        return [_line("Position", place, _OLD), Text(" " * _WIDTH + note, style="bold #e3b341")]
+        return _line("Position", place, _OLD, f"LAST KNOWN, {age_text(snapshot.pose_age_s)} ago", _ODD)
     doubt = "" if pose.valid else "  NOT VALID"
-    return [
-        _line("Position", place),
-        Text(f"{'':<{_WIDTH}}± {100 * pose.sd_xy_m:.0f} cm{doubt}", style=_LABEL if pose.valid else "bold #e3b341"),
-    ]
+    return _line("Position", place, _VALUE, f"± {100 * pose.sd_xy_m:.0f} cm{doubt}", _LABEL if pose.valid else _ODD)
 
 
-def drive_lines(snapshot: Snapshot) -> list[Text]:
+def drive_lines(snapshot: Snapshot) -> list[Line]:
     carrier, report = snapshot.carrier, snapshot.report
     if carrier is None:
         return [_line("Speed", "–"), _line("Battery", "–")]
@@ -66,31 +78,51 @@ def drive_lines(snapshot: Snapshot) -> list[Text]:
     return [_line("Speed", standing, style, note), _line("Battery", f"{carrier.battery_v:.1f} V", style)]
 
 
-def permit_line(snapshot: Snapshot) -> Text:
-    permit = snapshot.permit
-    if permit is None or not snapshot.report.linked(snapshot.now_s):
-        return _line("Permit", "not received", _OLD)
-    if permit.granted:
-        return _line("Permit", "granted", "bold #7ee787")
-    return _line("Permit", "none", "bold #ff7b72", permit.reason, "#e3b341")
+def page_lines(snapshot: Snapshot, page: str) -> list[Line]:
+    """The address of the live map, once that reports."""
+    there = any(row.module == "visualizer" and row.status is not None for row in snapshot.rows)
+    return [_line("Live map", page, f"underline #58a6ff link {page}")] if there else []
+
+
+def all_lines(snapshot: Snapshot, page: str) -> list[Line]:
+    return [
+        mission_line(snapshot),
+        motion_line(snapshot),
+        *map_lines(snapshot),
+        position_line(snapshot),
+        *drive_lines(snapshot),
+        *page_lines(snapshot, page),
+    ]
+
+
+def few_lines(snapshot: Snapshot, page: str) -> list[Line]:
+    """What a small screen has room for."""
+    return [mission_line(snapshot), motion_line(snapshot), position_line(snapshot), *page_lines(snapshot, page)]
 
 
 class RobotPanel(Static):
-    """A few labelled lines."""
+    """A few labelled lines; long ones are wrapped. On a narrow screen a strip of the most important ones."""
 
     def __init__(self, page: str) -> None:
         super().__init__(id="robot", markup=False)
         self._page = page
-        self._shown: Text | None = None
+        self._shown: list[tuple[Line, str]] = []
+        self.words = ""  # what is shown, a line each
 
     def on_mount(self) -> None:
         self.border_title = title("ROBOT")
 
     def show(self, snapshot: Snapshot) -> None:
-        lines = [*mission_lines(snapshot), *position_lines(snapshot), *drive_lines(snapshot), permit_line(snapshot)]
-        if any(row.module == "visualizer" and row.status is not None for row in snapshot.rows):
-            lines.append(_line("Live map", self._page, f"underline #58a6ff link {self._page}"))
-        text = Text("\n", no_wrap=True, overflow="ellipsis").join(lines)
-        if text != self._shown or str(text.spans) != str(self._shown.spans if self._shown else ""):
-            self._shown = text
-            self.update(text)
+        narrow = self.app.size.width < WIDE_COLUMNS
+        lines = (few_lines if narrow else all_lines)(snapshot, self._page)
+        shown = [(line, f"{line[1].style}{line[1].spans}") for line in lines]
+        if shown == self._shown:
+            return
+        self._shown = shown
+        self.words = "\n".join(f"{label} {value.plain}" for label, value in lines)
+        table = Table.grid(padding=(0, 2, 0, 0))
+        table.add_column(style=_LABEL, no_wrap=True)
+        table.add_column(overflow="fold")
+        for label, value in lines:
+            table.add_row(label, value)
+        self.update(table, layout=narrow)

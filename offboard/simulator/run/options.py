@@ -10,7 +10,7 @@ from typing import Any
 from common.config import PoiSection, load_config
 from common.errors import StartError
 from common.json_reader import load_json
-from offboard.runs.run_folder import TRAJECTORY_NAME
+from offboard.runs.run_folder import SETTINGS_NAME, TRAJECTORY_NAME, write_json
 from offboard.simulator.building.events import Events, load_events
 from offboard.simulator.building.floor import Floor, FloorError, load_floor
 from offboard.simulator.error_profiles import PROFILES
@@ -89,12 +89,14 @@ def floor_json(options: RunOptions) -> dict[str, Any]:
 
 
 def prepare_folder(options: RunOptions) -> Path:
-    """The run folder, new or empty; raises StartError."""
+    """The run folder, new or empty, with what the run is; raises StartError."""
     folder = options.out or Path("runs") / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
     if (folder / TRAJECTORY_NAME).exists():
         raise StartError(f"The folder {folder} holds a run already; choose another with --out, or remove it.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        settings = {"floor": options.floor.stem, "start": options.start, "seed": options.seed}
+        write_json(folder / SETTINGS_NAME, settings)
     except OSError as error:
         raise StartError(f"The run folder {folder} cannot be made: {error.strerror}.") from error
     return folder

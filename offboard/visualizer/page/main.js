@@ -60,7 +60,7 @@ function take(channel, message) {
   }
   if (channel === "grid") map.redecode();
   // A grid is drawn when it is unpacked, and the trail grows below the robot
-  if (channel !== "grid" && channel !== "heartbeat" && channel !== "hello") map.draw(channel !== "plan" && channel !== "permit");
+  if (channel !== "grid" && channel !== "heartbeat" && channel !== "hello") map.draw(channel !== "plan" && channel !== "mission");
 }
 
 function offer(exports) {

@@ -12,7 +12,7 @@ export class Model {
     this.robot = "";
     this.pose = null;
     this.plan = null;
-    this.permit = null;
+    this.mission = null; // in the server's words
     this.pois = [];
     this.modules = [];
     this.modulesAt = 0;
@@ -107,8 +107,8 @@ export class Model {
     this.plan = message;
   }
 
-  _permit(message) {
-    this.permit = message;
+  _mission(message) {
+    this.mission = message;
   }
 
   _pois(message) {

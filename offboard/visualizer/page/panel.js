@@ -2,7 +2,6 @@
 
 import { STALE_S } from "./model.js";
 
-const PHASES = { WAITING: "wait", HOME: "return", HOME_BLOCKED: "return", ALIGN: "return", DONE: "done" }; // the rest explores
 const $ = (id) => document.getElementById(id);
 
 // Sign and word of the link, and what is read out when it comes to that
@@ -74,11 +73,11 @@ export class Panel {
   }
 
   #showMission() {
-    const { plan, permit, pose, driven } = this.model;
+    const { plan, mission, pose, driven } = this.model;
     const live = this.model.state === "live";
-    const phase = plan ? (PHASES[plan.mode] ?? "explore") : "wait";
-    const detail = plan ? plan.detail : "waiting for the robot";
-    const known = live || !plan ? detail : `last known: ${detail}`;
+    const phase = mission ? mission.stage : "wait";
+    const text = mission ? mission.text : "waiting for the robot";
+    const known = live || !mission ? text : `last known: ${text}`;
     set($("mission-state"), known.charAt(0).toUpperCase() + known.slice(1));
     const items = [...$("phases").children];
     const at = items.findIndex((item) => item.dataset.phase === phase);
@@ -87,21 +86,20 @@ export class Panel {
       if (k === at) item.setAttribute("aria-current", "step");
       else item.removeAttribute("aria-current");
     });
-    this.#showPermit(permit, live);
+    this.#showMotion(mission, live);
     set($("area"), plan && plan.area_m2 !== null ? `${plan.area_m2.toFixed(0)} m²` : "–");
     set($("driven"), this.model.trail.length ? `${driven.toFixed(driven < 100 ? 1 : 0)} m` : "–");
-    set($("halls"), plan ? String(plan.halls_open) : "–");
+    set($("halls"), mission ? mission.halls : "–");
     set($("position"), pose ? this.words(pose) + (live ? "" : ` (${since(this.model.age("pose"))} ago)`) : "–");
   }
 
-  #showPermit(permit, live) {
+  #showMotion(mission, live) {
     const element = $("permit");
-    element.dataset.known = Boolean(permit && live);
-    if (!permit) return;
-    element.dataset.granted = permit.granted;
-    icon(element, permit.granted ? "check" : "stop");
-    const by = permit.stop_sources.length ? ` (by ${permit.stop_sources.join(", ")})` : "";
-    set(element.querySelector("span"), permit.granted ? "May move" : `Stands still: ${permit.reason || "no permit"}${by}`);
+    element.dataset.known = Boolean(mission && live);
+    if (!mission) return;
+    element.dataset.granted = !mission.standing;
+    icon(element, mission.standing ? "stop" : "check");
+    set(element.querySelector("span"), mission.standing ? `Stands still: ${mission.standing}` : "May move");
   }
 
   // From the lower left corner of the drawing

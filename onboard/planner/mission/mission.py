@@ -23,10 +23,22 @@ from onboard.planner.exploration.queries import JudgedGrid, JudgeGrid
 from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
 from onboard.planner.exploration.wall_imaging import WallImaging
 from onboard.planner.grid.deliberation import Deliberation, Query
-from onboard.planner.grid.grid_map import Cell
+from onboard.planner.grid.grid_map import Cell, GridMap
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.goal_choice import Goal, GoalChoice
-from onboard.planner.mission.table import AT_REST, BLOCKED, CHOICES, ON_LEG, VISITING, Event, Mode, State, Step, after
+from onboard.planner.mission.table import (
+    AT_REST,
+    BLOCKED,
+    CHOICES,
+    GOING_HOME,
+    ON_LEG,
+    VISITING,
+    Event,
+    Mode,
+    State,
+    Step,
+    after,
+)
 from onboard.planner.routing.path_following import Path, arrived, rest_of, speed_along
 
 BLOCK_AHEAD_M = 0.45
@@ -36,6 +48,12 @@ GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
 GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
+
+
+def has_floor(grid: GridMap, place_m: tuple[float, float]) -> bool:
+    """May the robot stand at that place of the map, or so near to it that a goto would end there?"""
+    near = grid.around(*place_m, GOAL_FAR_CELLS)
+    return any(grid.contains(cell) and bool(grid.standable(cell)) for cell in near)
 
 
 class Mission:
@@ -181,7 +199,7 @@ class Mission:
             return Motion(Speed.STOP, 0.0)
         if self.mode in BLOCKED:
             if view.now_s >= self._retry_s:
-                self._happens(Event.RETRY)
+                self._deliberate(self._plan_path(view))
             return stand
         return self._follow_path(view)
 
@@ -194,7 +212,7 @@ class Mission:
         if step.moves:
             self.path, self._wall_due, self._judged = [], False, None
             self.abandon()
-        if (event is not Event.RETRY and step.state != self._noted) or event in CHOICES:
+        if step.state != self._noted or event in CHOICES:
             self._noted = step.state
             self._notes.append(f"{step.state} before={before.mode.name} event={event.name} {why}".rstrip())
         return step
@@ -333,12 +351,14 @@ class Mission:
         if self.mode is Mode.ROUTE:
             yield from self._choose(view)
             return
-        target = (0.0, 0.0) if self.mode is Mode.HOME else self._target
-        exact = self.mode is Mode.HOME or view.grid.stands(*target)
+        home = self.mode in GOING_HOME
+        target = (0.0, 0.0) if home else self._target
+        exact = home or view.grid.stands(*target)
         around = view.grid.around(*target, GOAL_NEAR_CELLS if exact else GOAL_FAR_CELLS)
         route = yield from self._frontiers.route(view, around)
         if route is not None:
             self._no_path_since_s = None
+            self._happens(Event.PATH)
             self.path = [*route[:-1], target] if exact else route
         elif self.mode is Mode.IMAGE:
             self._defer(view, "no path")

@@ -58,8 +58,3 @@ class Orders:
         if command.command_id:
             self._answered.append(command.command_id)
             self.answer = Answer(command.command_id, step.refused, step.note)
-
-
-def is_stopped(permit: Permit) -> bool:
-    """Is a stop latched, or released and not yet resumed?"""
-    return bool(permit.stop_sources) or not permit.resumed

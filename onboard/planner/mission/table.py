@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from common.messages import Outcome
+from common.mission_state import ENDED, NOT_PAUSED, PAUSED_ALREADY, STARTED_ALREADY, STILL_PAUSED
 
 
 class Mode(Enum):
@@ -34,14 +35,6 @@ class Mode(Enum):
     DONE = "done"
 
 
-ENDED = {
-    Outcome.FINISHED: "finished, and home",
-    Outcome.HOME: "home, as ordered",
-    Outcome.ARRIVED: "arrived at the place",
-    Outcome.GAVE_UP: "gave up: no path led there",
-}
-
-
 class Event(Enum):
     """What may happen; the value is a short text for people."""
 
@@ -49,6 +42,7 @@ class Event(Enum):
     START = "start"
     GO_HOME = "home"
     GO_TO = "goto"
+    GO_NOWHERE = "goto where no floor is known"
     PAUSE = "pause"
     RESUME_STOP = "resume of a stop"
     RESUME = "resume"
@@ -62,7 +56,7 @@ class Event(Enum):
     ALIGNED = "turned to the first heading"
     LEG_OVER = "the leg shows nothing more"
     NO_PATH = "no path leads there"
-    RETRY = "time for another try"
+    PATH = "a path leads there again"
     TOO_LONG = "no path for too long"
     DEFERRED = "something keeps it from there"
     GONE = "nothing is left to see there"
@@ -87,9 +81,9 @@ class State:
 
     @property
     def text(self) -> str:
-        """What it is doing, or how that ended, for people."""
-        doing = ENDED.get(self.outcome, self.mode.value) if self.mode is Mode.DONE else self.mode.value
-        return f"paused while {doing}" if self.paused else doing
+        """What it is doing, or how that ended; with pauses and stops it is common/mission_state.py that people read."""
+        doing: str = self.mode.value
+        return ENDED.get(self.outcome, doing) if self.mode is Mode.DONE else doing
 
     def __str__(self) -> str:
         return f"mode={self.mode.name} outcome={self.outcome.name} paused={self.paused}"
@@ -121,7 +115,7 @@ CHOOSING = (Mode.LOOK, Mode.ROUTE)
 
 TABLE = (
     Row(Event.START, AT_REST, Mode.LOOK, aim=Outcome.FINISHED, outcome=Outcome.NONE),
-    Row(Event.START, UNDER_WAY, refused="The mission is under way already; resume ends a pause."),
+    Row(Event.START, UNDER_WAY, refused=STARTED_ALREADY),
     Row(
         Event.GO_HOME,
         tuple(mode for mode in Mode if mode not in GOING_HOME),
@@ -131,6 +125,7 @@ TABLE = (
     ),
     Row(Event.GO_HOME, GOING_HOME, Mode.HOME),
     Row(Event.GO_TO, ALL, Mode.GOTO, aim=Outcome.ARRIVED, outcome=Outcome.NONE),
+    Row(Event.GO_NOWHERE, ALL, refused="No floor is known there on which the robot could stand."),
     Row(Event.PAUSE, ALL),
     Row(Event.RESUME_STOP, ALL),
     Row(Event.RESUME, ALL),
@@ -146,8 +141,8 @@ TABLE = (
     Row(Event.NO_PATH, (Mode.RETAKE,), Mode.LOOK),
     Row(Event.NO_PATH, (Mode.HOME,), Mode.HOME_BLOCKED),
     Row(Event.NO_PATH, (Mode.GOTO,), Mode.GOTO_BLOCKED),
-    Row(Event.RETRY, (Mode.HOME_BLOCKED,), Mode.HOME),
-    Row(Event.RETRY, (Mode.GOTO_BLOCKED,), Mode.GOTO),
+    Row(Event.PATH, (Mode.HOME_BLOCKED,), Mode.HOME),
+    Row(Event.PATH, (Mode.GOTO_BLOCKED,), Mode.GOTO),
     Row(Event.TOO_LONG, BLOCKED, Mode.DONE, outcome=Outcome.GAVE_UP),
     Row(Event.DEFERRED, VISITING, Mode.LOOK),
     Row(Event.GONE, (Mode.ROUTE,), Mode.LOOK),
@@ -160,9 +155,6 @@ TABLE = (
     Row(Event.EXPLORED, CHOOSING, Mode.HOME),
 )
 ROW_OF = {(mode, row.event): row for row in TABLE for mode in row.modes}
-
-STILL_PAUSED = "It is still paused, since before that stop was resumed: resume once more."
-NOT_PAUSED = "Nothing is paused."
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,9 +185,13 @@ def after(state: State, event: Event) -> Step:
         outcome=outcome,
         paused=_paused(state.paused, event),
     )
-    return Step(
-        moved, moves=row.to is not None, note=STILL_PAUSED if event is Event.RESUME_STOP and moved.paused else ""
-    )
+    return Step(moved, moves=row.to is not None, note=_note(state, event))
+
+
+def _note(state: State, event: Event) -> str:
+    if not state.paused:
+        return ""
+    return {Event.RESUME_STOP: STILL_PAUSED, Event.PAUSE: PAUSED_ALREADY}.get(event, "")
 
 
 def _paused(paused: bool, event: Event) -> bool:
