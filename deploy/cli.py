@@ -6,12 +6,18 @@ import argparse
 import importlib
 import io
 import os
+import re
+import signal
 import sys
-from collections.abc import Iterable
-from typing import NoReturn
+import threading
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
 
 from common.environment import PROCESS_ENVIRONMENT
 from common.errors import StartError, sentence
+from deploy import INTERRUPTED
 
 # Module of `deploy.verbs` -> its verbs. Only the module of the verb that is given is loaded: a stop must not wait until
 # the mapping unit, the simulator and their libraries are
@@ -28,10 +34,24 @@ FAMILIES = {
 }
 
 
+_NUMBERS = re.compile(r"-[\d.]+,")
+
+
 class _Parser(argparse.ArgumentParser):
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.register("type", Path, _path)
+
     def error(self, message: str) -> NoReturn:
         sys.stderr.write(f"{self.prog}: {message}; see {self.prog} --help\n")
         sys.exit(2)
+
+
+def _path(text: str) -> Path:
+    """An empty name, of a shell variable that is not set for example, would be the folder that one is in."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("must name a file or folder, and is empty")
+    return Path(text)
 
 
 def build_parser(families: Iterable[str] = tuple(FAMILIES)) -> argparse.ArgumentParser:
@@ -48,11 +68,26 @@ def families_of(words: list[str]) -> tuple[str, ...]:
     return tuple(family for family, verbs in FAMILIES.items() if words and words[0] in verbs) or tuple(FAMILIES)
 
 
+def no_options(words: Iterable[str]) -> list[str]:
+    """Words such as -3,1 are numbers: with a blank before them nothing takes them for an option."""
+    return [f" {word}" if _NUMBERS.match(word) else word for word in words]
+
+
+def _interrupt(ends: Callable[[int, FrameType | None], Any]) -> None:
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, ends)
+
+
 def main(argv: list[str] | None = None) -> int:
-    words = sys.argv[1:] if argv is None else argv
+    words = no_options(sys.argv[1:] if argv is None else argv)
     for name, value in PROCESS_ENVIRONMENT.items():  # before any library is loaded
         os.environ.setdefault(name, value)
-    arguments = build_parser(families_of(words)).parse_args(words)
+    # While libraries are loaded it ends the program: it could come out of any of them as any error
+    _interrupt(lambda *_: os._exit(INTERRUPTED))
+    try:
+        arguments = build_parser(families_of(words)).parse_args(words)
+    finally:
+        _interrupt(signal.default_int_handler)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # for characters that the terminal lacks
     try:
@@ -60,6 +95,8 @@ def main(argv: list[str] | None = None) -> int:
     except (StartError, OSError) as error:
         sys.stderr.write(f"indoor-mapping: {sentence(error)}\n")
         return 2
+    except KeyboardInterrupt:
+        return INTERRUPTED
     return code
 
 

@@ -8,4 +8,4 @@ set_up
 if [ "${1:-}" = "--setup-only" ]; then
     exit 0
 fi
-exec "$PYTHON" -m deploy.cli local "$@"
+exec "$PYTHON" -m deploy local "$@"

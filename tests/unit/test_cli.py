@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
-from deploy.cli import FAMILIES
+from deploy.cli import FAMILIES, build_parser, main, no_options
 from tests.architecture.project import ROOT
 
 HEAVY = {"scipy", "cv2", "mujoco", "shapely", "textual", "filterpy", "onnxruntime", "starlette"}
@@ -34,3 +37,49 @@ def test_a_verb_that_stops_the_robot_loads_no_heavy_library(verb: str) -> None:
     loaded = set(shown.stdout.split())
     assert "zenoh" in loaded
     assert loaded & HEAVY == set()
+
+
+@pytest.mark.parametrize("place", ["-3,1", "-3.5,-1", "-.5,2", "3,-1"])
+def test_a_place_may_begin_with_a_minus(place: str) -> None:
+    words = no_options(["goto", place, "--config", "robot.toml"])
+    arguments = build_parser(("operator",)).parse_args(words)
+    assert arguments.place.strip() == place
+    assert arguments.config == Path("robot.toml")
+
+
+def test_options_stay_options() -> None:
+    assert no_options(["-h", "--beams", "-45,0,45", "--", "-x"]) == ["-h", "--beams", " -45,0,45", "--", "-x"]
+
+
+@pytest.mark.parametrize(
+    "words", [["local", "--out", ""], ["runs", ""], ["export", "run", "--to", " "], ["estop", "--config", ""]]
+)
+def test_an_empty_name_is_no_folder(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert left.value.code == 2
+    assert "must name a file or folder, and is empty" in capsys.readouterr().err
+
+
+def test_a_door_of_nobody_knows_which_run_is_told_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["goto", "106"]) == 2
+    told = capsys.readouterr().err
+    assert "--run-dir" in told
+    assert "no number was read yet" not in told
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.3, 0.6, 1.2])
+def test_an_interrupt_while_a_verb_loads_ends_it_without_a_traceback(after_s: float, tmp_path: Path) -> None:
+    words = ["local", "--headless", "--floor", "straight", "--out", str(tmp_path / "run")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "deploy", *words],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(after_s)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60.0)
+    assert "Traceback" not in told
+    assert process.returncode == 130
