@@ -59,6 +59,7 @@ REPEAT_S = 0.1  # until the board confirms
 NOISE_LINES = 10  # damaged lines within NOISE_WINDOW_S that are worth a warning
 
 _WORKING = (CarState.READY, CarState.MOVING, CarState.BACKING_OFF)
+_DRIVING_OR_STANDING = (("car", CarState.READY.name), ("car", CarState.MOVING.name))  # alternate at every turn
 # From the first byte to the step that takes it. A period's reports stand on the wire within 19 ms, odometry and ranges
 # in their last 8; a line that comes alone, soon after them, is of something that has changed
 _BURST_S, _LINE_S = 0.022, 0.003
@@ -234,9 +235,10 @@ class Bridge:
             self._offer(bus, CARRIER, report, news=last is None or _essence(last) != _essence(report))
 
     def _log_change(self, module: str, state: str, error: int) -> None:
-        """Logs the state and error of SIM or Carrier when they change."""
-        if self._logged.get(module) != (state, error):
-            self._logged[module] = (state, error)
+        """Logs state and error of SIM or Carrier when they change; a sound Carrier drives and stands by turns."""
+        shown = "SOUND" if (module, state) in _DRIVING_OR_STANDING else state
+        if self._logged.get(module) != (shown, error):
+            self._logged[module] = (shown, error)
             _log.info("%s state=%s error=%s", module, state, translation.error_code(error).name)
 
     # --- to the board
