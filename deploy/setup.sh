@@ -10,6 +10,7 @@ TEST_PACKAGES+=(clang libclang-rt-dev)        # the fuzzer
 TEST_PACKAGES+=(iproute2)                     # machines behind bad links
 TEST_PACKAGES+=(openssh-server rsync sudo)    # boards to deploy to
 TEST_PACKAGES+=(systemd-container mmdebstrap) # booted ones
+TEST_PACKAGES+=(poppler-utils librsvg2-bin)   # readers of exported drawings
 TEST_PACKAGES+=(systemd avrdude)              # the boards' units, and flashing the Mega
 
 say() { printf '%s\n' "$*" >&2; }
@@ -73,6 +74,6 @@ set_up() {
     say "Setting up $ROOT/.venv; this takes a minute or two, once."
     python3 -m venv --clear "$ROOT/.venv"
     "$PYTHON" -m pip install -q --disable-pip-version-check -c "$ROOT/constraints.txt" \
-        -e "$ROOT[mapping,sim,vision,laptop,dev]" >&2
+        -e "$ROOT[mapping,sim,vision,laptop,export,dev]" >&2
     printf '%s\n' "$wanted" >"$stamp"
 }

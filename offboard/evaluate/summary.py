@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from common.messages import Outcome
 from offboard.evaluate.figures import EvaluationError, evaluate
 from offboard.runs.run_folder import SUMMARY_NAME, RunFolderError, write_json
+from offboard.runs.stamped_truth import stamp_truth
 
 WALL_TIME_KEYS = ("wall_time_s", "steps")
 
@@ -65,6 +67,8 @@ def write_summary(run_dir: Path, facts: RunFacts, floor_json: dict[str, Any] | N
         except (EvaluationError, RunFolderError) as error:
             _log.warning("%s", error)
             summary["not_evaluated"] = str(error)
+    with suppress(RunFolderError):  # of which the evaluation has just reported
+        stamp_truth(run_dir)
     write_json(run_dir / SUMMARY_NAME, summary)
     return summary
 

@@ -1,17 +1,23 @@
 """The registry of exports: everything that can be made of a run, for the verb `export`, the page and the docs.
 
-What takes SciPy or OpenCV is imported by whoever makes it: the list itself is there at once.
+What takes SciPy, OpenCV or a library of the extra `export` is imported by whoever makes it: the list itself is there at
+once.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 
 from common.errors import StartError
+from offboard.export.title import TitleBlock
+from offboard.export.whole_file import written_whole
 from offboard.runs.run_folder import (
+    DATABASE_NAME,
     MAP_PNG_NAME,
     MAP_POINTS_NAME,
     MAP_SVG_NAME,
@@ -19,6 +25,7 @@ from offboard.runs.run_folder import (
     POIS_NAME,
     SMOOTHED_NAME,
     TRAJECTORY_NAME,
+    TRUTH_NAME,
     MapData,
     RunFolderError,
     files_of_run,
@@ -27,8 +34,8 @@ from offboard.runs.run_folder import (
     write_atomically,
 )
 
-Exporter = Callable[[Path, Path], list[Path]]  # run folder, folder for the files -> the files
-Renderer = Callable[[MapData], bytes]
+Exporter = Callable[[Path, Path, TitleBlock], list[Path]]  # run folder, folder for the files -> the files
+Renderer = Callable[[MapData, TitleBlock], bytes]
 
 _log = logging.getLogger("export")
 
@@ -42,37 +49,61 @@ class LiveExport:
     """For the page, which has the map of now and no run folder."""
 
     media_type: str
-    render: Renderer
+    make: Renderer
+
+    def render(self, data: MapData) -> bytes:
+        return self.make(data, TitleBlock(date=f"{datetime.now():%Y-%m-%d %H:%M}"))
 
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """`title` is what a person reads of it."""
+    """`title` is what a person reads of it, `needs` are packages of the extra `export`.
+
+    `of_messages`: it is made from the run database, which a folder of `replay` lacks.
+    """
 
     title: str
     of_run: Exporter
     live: LiveExport | None = None
+    needs: tuple[str, ...] = ()
+    of_messages: bool = False
+
+    def missing(self) -> list[str]:
+        """Those of its packages that are not installed."""
+        return [package for package in self.needs if find_spec(package) is None]
 
 
-def _svg(data: MapData) -> bytes:
-    from offboard.export.map_picture import as_svg
+def _svg(data: MapData, block: TitleBlock) -> bytes:
+    from offboard.export import map_picture
 
-    return as_svg(data).encode()
-
-
-def _png(data: MapData) -> bytes:
-    from offboard.export.map_picture import as_png
-
-    return as_png(data)
+    return map_picture.as_svg(data, block).encode()
 
 
-def _points(data: MapData) -> bytes:
+def _png(data: MapData, block: TitleBlock) -> bytes:
+    from offboard.export import map_picture
+
+    return map_picture.as_png(data, block)
+
+
+def _pdf(data: MapData, block: TitleBlock) -> bytes:
+    from offboard.export.pdf_sheets import as_pdf
+
+    return as_pdf(data, block)
+
+
+def _dxf(data: MapData, block: TitleBlock) -> bytes:
+    from offboard.export.dxf_plan import as_dxf
+
+    return as_dxf(data, block)
+
+
+def _points(data: MapData, _: TitleBlock) -> bytes:
     return b"".join(map_points_parts(data.points_m, data.inferred))
 
 
-def _picture(file_name: str, render: Renderer) -> Exporter:
-    def export(run_dir: Path, to: Path) -> list[Path]:
-        write_atomically(to / file_name, render(read_map(run_dir)))
+def _drawing(file_name: str, render: Renderer) -> Exporter:
+    def export(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
+        write_atomically(to / file_name, render(read_map(run_dir), block))
         return [to / file_name]
 
     return export
@@ -81,7 +112,7 @@ def _picture(file_name: str, render: Renderer) -> Exporter:
 def _copies(*names: str) -> Exporter:
     """The files of the run folder that there are."""
 
-    def export(run_dir: Path, to: Path) -> list[Path]:
+    def export(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
         there = [name for name in names if (run_dir / name).exists()]
         for name in there:
             if not (run_dir / name).is_file():
@@ -92,9 +123,9 @@ def _copies(*names: str) -> Exporter:
     return export
 
 
-def _pois(run_dir: Path, to: Path) -> list[Path]:
+def _pois(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
     """The records and the folder of their photos."""
-    written = _copies(POIS_NAME)(run_dir, to)
+    written = _copies(POIS_NAME)(run_dir, to, block)
     photos = run_dir / PHOTO_FOLDER
     if photos.is_dir():
         (to / PHOTO_FOLDER).mkdir(exist_ok=True)
@@ -104,7 +135,16 @@ def _pois(run_dir: Path, to: Path) -> list[Path]:
     return written
 
 
-def _occupancy(run_dir: Path, to: Path) -> list[Path]:
+def _trajectories(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
+    """The truth of a simulated run with the stamps of both, which a run that was cut off does not have yet."""
+    from offboard.runs.stamped_truth import stamp_truth
+
+    written = _copies(TRAJECTORY_NAME, SMOOTHED_NAME, TRUTH_NAME)(run_dir, to, block)
+    stamp_truth(to)
+    return written
+
+
+def _occupancy(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
     from offboard.export.occupancy_image import image_of_run
 
     image = image_of_run(run_dir)
@@ -114,32 +154,128 @@ def _occupancy(run_dir: Path, to: Path) -> list[Path]:
     return written
 
 
+def _geojson(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
+    from offboard.export.geojson import as_geojson
+    from offboard.export.halls import spaces_of_run
+
+    write_atomically(to / "map.geojson", as_geojson(read_map(run_dir), spaces_of_run(run_dir), block))
+    return [to / "map.geojson"]
+
+
+def _tables(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
+    from offboard.export.halls import spaces_of_run
+    from offboard.export.tables import areas_table, doors_table
+
+    pois, spaces = read_map(run_dir).pois, spaces_of_run(run_dir)
+    written = [to / "doors.csv", to / "areas.csv"]
+    for path, table in zip(written, (doors_table, areas_table), strict=True):
+        write_atomically(path, table(pois, spaces))
+    return written
+
+
+def _mcap(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
+    from offboard.export.mcap_log import write_mcap
+
+    with written_whole(to / "run.mcap") as part, part.open("wb") as file:
+        write_mcap(run_dir, file)
+    return [to / "run.mcap"]
+
+
+def _bag(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
+    from offboard.export.ros_bag import write_bag
+
+    with written_whole(to / "ros2_bag") as part:
+        write_bag(run_dir, part)
+    return [to / "ros2_bag"]
+
+
 EXPORTS: dict[str, ExportFormat] = {
-    "svg": ExportFormat("drawing, 1 cm for 1 m", _picture(MAP_SVG_NAME, _svg), LiveExport("image/svg+xml", _svg)),
-    "png": ExportFormat("picture, prints 1 cm for 1 m", _picture(MAP_PNG_NAME, _png), LiveExport("image/png", _png)),
+    "pdf": ExportFormat(
+        "drawing on A4 or A3, 1 cm for 1 m: what to print",
+        _drawing("map.pdf", _pdf),
+        LiveExport("application/pdf", _pdf),
+        needs=("reportlab",),
+    ),
+    "svg": ExportFormat(
+        "drawing on one sheet, 1 cm for 1 m", _drawing(MAP_SVG_NAME, _svg), LiveExport("image/svg+xml", _svg)
+    ),
+    "png": ExportFormat("picture, 150 dots per inch", _drawing(MAP_PNG_NAME, _png), LiveExport("image/png", _png)),
+    "dxf": ExportFormat(
+        "for CAD, in metres: layers walls, inferred, doors, text",
+        _drawing("map.dxf", _dxf),
+        LiveExport("image/vnd.dxf", _dxf),
+        needs=("ezdxf",),
+    ),
+    "geojson": ExportFormat("walls, doors, halls with OpenStreetMap's indoor tags", _geojson),
+    "tables": ExportFormat("doors.csv, and areas.csv with the area of every hall", _tables),
     "csv": ExportFormat("wall points in metres", _copies(MAP_POINTS_NAME), LiveExport("text/csv", _points)),
-    "tum": ExportFormat("path, as estimated at the time and in the end", _copies(TRAJECTORY_NAME, SMOOTHED_NAME)),
+    "tum": ExportFormat("path, as estimated at the time and in the end; in simulation the true one", _trajectories),
     "json": ExportFormat("points of interest, with their photos", _pois),
     "pgm": ExportFormat("occupancy image with map.yaml, as ROS map servers read it", _occupancy),
+    "mcap": ExportFormat(
+        "every message of the run, for log players such as Foxglove and Lichtblick",
+        _mcap,
+        needs=("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"),
+        of_messages=True,
+    ),
+    "bag": ExportFormat("ROS 2 bag: map, poses, sonars, doors", _bag, needs=("rosbags",), of_messages=True),
 }
 
 
-def export(run_dir: Path, to: Path, formats: Sequence[str]) -> list[Path]:
-    """Writes the run in these formats into the folder `to`; returns the files.
+def export(run_dir: Path, to: Path, formats: Sequence[str] = (), block: TitleBlock | None = None) -> list[Path]:
+    """Writes the run in these formats into the folder `to`, in all that can be made of it when none is named.
 
-    Raises ExportError, RunFolderError and RunDatabaseError for what is damaged, OSError.
+    Returns the files. Raises ExportError, RunFolderError and RunDatabaseError for what is damaged, OSError.
     """
     for name in formats:
         if name not in EXPORTS:
             raise ExportError(f"There is no export format '{name}'; choose from {', '.join(EXPORTS)}")
+        if missing := EXPORTS[name].missing():
+            raise ExportError(_advice(name, missing))
     there = _checked(run_dir)
     if to.exists() and to.samefile(run_dir):
         raise ExportError(f"{to} is the run's own folder; choose another one with --to")
     to.mkdir(parents=True, exist_ok=True)
-    files = [file for name in formats for file in EXPORTS[name].of_run(run_dir, to)]
+    files = [
+        file
+        for name in formats or _possible(there)
+        for file in EXPORTS[name].of_run(run_dir, to, title(run_dir, block))
+    ]
     if MAP_POINTS_NAME not in there:
         _log.warning("%s holds no map yet, only %s.", run_dir, ", ".join(there))
     return files
+
+
+def title(run_dir: Path, block: TitleBlock | None = None) -> TitleBlock:
+    """A title block with the run's date, where it knows one: a run in lockstep does not."""
+    from offboard.runs.run_database import RunReader
+
+    block = block or TitleBlock()
+    if block.date or not (run_dir / DATABASE_NAME).exists():
+        return block
+    with RunReader(run_dir) as run:
+        dates = run.dates()
+    return replace(block, date=f"{dates[0]:%Y-%m-%d %H:%M}") if dates else block
+
+
+def _possible(there: Sequence[str]) -> list[str]:
+    """All formats but those that lack a package, or the run database, with a line in the log for each."""
+    possible = []
+    for name, entry in EXPORTS.items():
+        if missing := entry.missing():
+            _log.warning("%s", _advice(name, missing))
+        elif entry.of_messages and DATABASE_NAME not in there:
+            _log.warning("The run has no %s, which the format '%s' is made from.", DATABASE_NAME, name)
+        else:
+            possible.append(name)
+    return possible
+
+
+def _advice(name: str, missing: Sequence[str]) -> str:
+    return (
+        f"The format '{name}' needs the Python package {', '.join(missing)}: ./deploy/local.sh --setup-only, or "
+        "pip install 'indoor-mapping[export]', installs it"
+    )
 
 
 def _checked(run_dir: Path) -> list[str]:

@@ -1,248 +1,121 @@
-"""The map as a picture: run folder -> SVG (1 cm on paper for 1 m in the building) and PNG.
+"""The sheet as SVG, and as PNG: map data and title block -> text or bytes, 1 cm on paper for 1 m in the building.
 
-Both draw the same `Drawing`: wall points strokes where neighbours are near, the robot's trail, its start, an asterisk
-and a number for each point of interest. The base point is the drawing's lower left corner, y up (VSL_MR_03, VSL_MR_04).
+To print either, print the PDF: Chromium shrinks an SVG that is wider than its paper and cuts off the rest, which this
+SVG's own page size avoids only where the paper is as large; and it ignores a PNG's resolution.
 """
 
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
-from math import ceil, cos, hypot, sin
-from typing import Any
+import logging
+from itertools import pairwise
+from math import sqrt
 from xml.sax.saxutils import escape
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import minimum_spanning_tree
-from scipy.spatial import cKDTree
 
-from common.geometry import FloatArray, Points
-from offboard.export.drawing_bounds import drawing_bounds
+from common.geometry import Points
+from offboard.export.letters import font_file
+from offboard.export.plan import ASTERISK_MM, Stroke, make_plan
+from offboard.export.sheet import Sheet, single_sheet
+from offboard.export.title import TitleBlock
 from offboard.runs.run_folder import MapData
 
-JOIN_M = 0.25  # wall points nearer than this are one wall
-THIN_M = 0.06  # of the points in a square of this side one is drawn
-DRAWN_MAX = 100_000  # points: six kilometres of wall, drawn in a few seconds
-TRAIL_STEP_M = 0.05
-GRID_M = 5.0
-UNITS_PER_M = 10.0  # of the SVG's own coordinates: millimetres on paper
-PIXELS_PER_M = 20.0
-IMAGE_SIDE_MAX_PX = 6000
+PAPER = "#ffffff"
+PIXELS_PER_MM = 6.0  # 152.4 dots per inch
+IMAGE_PIXELS_MAX = 36_000_000  # a square metre of paper
 OVERSAMPLING = 2
 
-PAPER, GRID, BORDER = "#ffffff", "#eef1f4", "#9aa5b1"
-WALL, INFERRED, TRAIL, START, POI, TEXT = "#1f2933", "#9aa5b1", "#5b9bd5", "#2f855a", "#c53030", "#3e4c59"
-WALL_M, THIN_LINE_M, TRAIL_M, START_M, ASTERISK_M, TEXT_M = 0.11, 0.03, 0.06, 0.22, 0.24, 0.55
+_UNTITLED = TitleBlock()
+_log = logging.getLogger("export")
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """Strokes of one look: polylines (N, 2) in metres, or a closed shape where `filled`."""
+def as_svg(data: MapData, block: TitleBlock = _UNTITLED) -> str:
+    """The sheet as SVG text; the points of interest carry their name, number and room as a tooltip."""
+    sheet = single_sheet(make_plan(data), block)
+    size = f"{sheet.width_mm:g}mm", f"{sheet.height_mm:g}mm"
 
-    name: str
-    strokes: list[Points]
-    colour: str
-    width_m: float
-    filled: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Label:
-    x_m: float
-    y_m: float  # of the middle of the letters
-    text: str
-    colour: str
-
-
-@dataclass(frozen=True, slots=True)
-class Drawing:
-    """What to draw, from the back to the front, inside a border."""
-
-    x0_m: float  # the base point: lower left corner of the border, in map coordinates
-    y0_m: float
-    width_m: float
-    height_m: float
-    lines: list[Line]
-    labels: list[Label]
-
-
-def thin(points_m: Points) -> Points:
-    """One point, the mean, for every square of THIN_M that has any; larger squares where DRAWN_MAX would be passed."""
-    side_m = THIN_M
-    points_m = _means(points_m, side_m)
-    while len(points_m) > DRAWN_MAX:
-        side_m *= 2
-        points_m = _means(points_m, side_m)
-    return points_m
-
-
-def _means(points_m: Points, side_m: float) -> Points:
-    if not len(points_m):
-        return points_m
-    _, cell, count = np.unique(np.floor(points_m / side_m), axis=0, return_inverse=True, return_counts=True)
-    cell = cell.reshape(-1)
-    means = [np.bincount(cell, points_m[:, k]) / count for k in (0, 1)]
-    return np.column_stack(means)
-
-
-def join(points_m: Points) -> list[Points]:
-    """Strokes that join neighbours nearer than JOIN_M, as few as keep the wall together; dots for the rest.
-
-    The minimum spanning forest of the neighbourhood graph: walls stay lines where noise would draw a mesh.
-    """
-    if not len(points_m):
-        return []
-    pairs = cKDTree(points_m).query_pairs(JOIN_M, output_type="ndarray")
-    lengths_m = np.hypot(*(points_m[pairs[:, 0]] - points_m[pairs[:, 1]]).T)
-    graph = coo_array((lengths_m, (pairs[:, 0], pairs[:, 1])), shape=(len(points_m), len(points_m)))
-    forest = minimum_spanning_tree(graph.tocsr()).tocoo()
-    alone = np.setdiff1d(np.arange(len(points_m)), np.concatenate([forest.row, forest.col]))
-    strokes = [points_m[[a, b]] for a, b in zip(forest.row, forest.col, strict=True)]
-    return strokes + [points_m[[k, k]] for k in alone]
-
-
-def trail(trajectory: FloatArray) -> Points:
-    """The path (N, 2), no two points nearer than TRAIL_STEP_M."""
-    kept: list[npt.NDArray[np.float64]] = []
-    for point in trajectory[:, :2]:
-        if not kept or hypot(*(point - kept[-1])) >= TRAIL_STEP_M:
-            kept.append(point)
-    return np.array(kept).reshape(-1, 2)
-
-
-def _circle(x_m: float, y_m: float, radius_m: float) -> Points:
-    angle = np.linspace(0, 2 * np.pi, 25)
-    return np.column_stack([x_m + radius_m * np.cos(angle), y_m + radius_m * np.sin(angle)])
-
-
-def _start_mark(trajectory: FloatArray) -> list[Points]:
-    """An arrow head along the first heading."""
-    x_m, y_m, heading_rad = trajectory[0]
-    corners = [(1.6, 0.0), (-1.0, 1.0), (-0.5, 0.0), (-1.0, -1.0)]
-    turned = [
-        (a * cos(heading_rad) - b * sin(heading_rad), a * sin(heading_rad) + b * cos(heading_rad)) for a, b in corners
-    ]
-    return [np.array(turned) * START_M + (x_m, y_m)]
-
-
-def _asterisk(x_m: float, y_m: float) -> list[Points]:
-    angles = np.arange(3) * np.pi / 3 + np.pi / 2
-    return [np.outer((-ASTERISK_M, ASTERISK_M), (cos(a), sin(a))) + np.array([x_m, y_m]) for a in angles]
-
-
-def _poi_label(poi: dict[str, Any], path: Points) -> Label:
-    """The number, on the far side of the wall: away from where the robot drove."""
-    place = np.array([poi["x_m"], poi["y_m"]], dtype=np.float64)
-    away = np.array([0.0, 1.0])
-    if len(path):
-        offset = place - path[np.hypot(*(path - place).T).argmin()]
-        away = offset / hypot(*offset) if hypot(*offset) > 1e-6 else away
-    text = str(poi.get("number") or "?")
-    gap = ASTERISK_M + 0.1 + TEXT_M / 2 + abs(away[0]) * TEXT_M * 0.3 * (len(text) - 1)
-    x_m, y_m = place + gap * away
-    return Label(float(x_m), float(y_m), text, POI)
-
-
-def _scale_bar(x0_m: float, y0_m: float) -> tuple[list[Line], list[Label]]:
-    left, y = x0_m + 0.7, y0_m + 0.6
-    ends = [np.array([[left + k, y - 0.12], [left + k, y + 0.12]]) for k in (0.0, GRID_M)]
-    bar = Line("scale", [np.array([[left, y], [left + GRID_M, y]]), *ends], TEXT, 0.05)
-    return [bar], [Label(left + GRID_M / 2, y + 0.45, f"{GRID_M:g} m", TEXT)]
-
-
-def draw(data: MapData) -> Drawing:
-    """Everything that either picture shows."""
-    pois_m = np.array([(poi["x_m"], poi["y_m"]) for poi in data.pois], np.float64).reshape(-1, 2)
-    x0_m, y0_m, width_m, height_m = drawing_bounds((data.points_m, data.trajectory[:, :2], pois_m))
-    x1_m, y1_m = x0_m + width_m, y0_m + height_m
-    path = trail(data.trajectory)
-    echoed = data.inferred == 0
-    grid = [np.array([[x, y0_m], [x, y1_m]]) for x in np.arange(ceil(x0_m / GRID_M) * GRID_M, x1_m, GRID_M)]
-    grid += [np.array([[x0_m, y], [x1_m, y]]) for y in np.arange(ceil(y0_m / GRID_M) * GRID_M, y1_m, GRID_M)]
-    border = np.array([[x0_m, y0_m], [x1_m, y0_m], [x1_m, y1_m], [x0_m, y1_m], [x0_m, y0_m]])
-    bar_lines, bar_labels = _scale_bar(x0_m, y0_m)
-    asterisks = [stroke for poi in data.pois for stroke in _asterisk(poi["x_m"], poi["y_m"])]
-    lines = [
-        Line("grid", grid, GRID, THIN_LINE_M),
-        Line("trail", [path] if len(path) > 1 else [], TRAIL, TRAIL_M),
-        Line("inferred", join(thin(data.points_m[~echoed])), INFERRED, WALL_M),
-        Line("walls", join(thin(data.points_m[echoed])), WALL, WALL_M),
-        Line("start", _start_mark(data.trajectory) if len(path) else [], START, 0.0, filled=True),
-        Line("pois", asterisks, POI, 0.09),
-        Line("border", [border], BORDER, 0.06),
-        Line("base", [_circle(x0_m, y0_m, 0.25)], BORDER, 0.0, filled=True),
-        *bar_lines,
-    ]
-    labels = [*bar_labels, *(_poi_label(poi, path) for poi in data.pois)]
-    return Drawing(x0_m, y0_m, width_m, height_m, lines, labels)
-
-
-def as_svg(data: MapData) -> str:
-    """The map as SVG text, 1 cm for 1 m; the points of interest carry their name, number and room as a tooltip."""
-    drawing = draw(data)
-    width, height = drawing.width_m * UNITS_PER_M, drawing.height_m * UNITS_PER_M
-
-    def place(x_m: float, y_m: float) -> tuple[float, float]:
-        return (x_m - drawing.x0_m) * UNITS_PER_M, height - (y_m - drawing.y0_m) * UNITS_PER_M
-
-    def path(stroke: Points, closed: bool) -> str:
-        return "M" + "L".join("{:.2f} {:.2f}".format(*place(x, y)) for x, y in stroke) + ("Z" if closed else "")
+    def path(line: Points, closed: bool) -> str:
+        return "M" + "L".join(f"{x:.2f} {sheet.height_mm - y:.2f}" for x, y in line.tolist()) + ("Z" if closed else "")
 
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{drawing.width_m:g}cm" height="{drawing.height_m:g}cm" '
-        f'viewBox="0 0 {width:g} {height:g}" font-family="sans-serif" font-size="{TEXT_M * UNITS_PER_M:g}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{size[0]}" height="{size[1]}" '
+        f'viewBox="0 0 {sheet.width_mm:g} {sheet.height_mm:g}" font-family="sans-serif" '
         'stroke-linecap="round" stroke-linejoin="round" fill="none">',
-        f"<desc>1 cm for 1 m; base point (lower left) at x {drawing.x0_m:g} m, y {drawing.y0_m:g} m of the map</desc>",
-        f'<rect width="{width:g}" height="{height:g}" fill="{PAPER}"/>',
+        f"<style>@page {{ size: {size[0]} {size[1]}; margin: 0 }}</style>",
+        f"<desc>{escape(sheet.description)}</desc>",
+        f'<rect width="{sheet.width_mm:g}" height="{sheet.height_mm:g}" fill="{PAPER}"/>',
     ]
-    for line in drawing.lines:
-        paint = f'fill="{line.colour}"' if line.filled else f'stroke="{line.colour}"'
-        shape = "".join(path(stroke, line.filled) for stroke in line.strokes)
-        parts.append(f'<path id="{line.name}" {paint} stroke-width="{line.width_m * UNITS_PER_M:g}" d="{shape}"/>')
-    for label in drawing.labels:
-        x, y = place(label.x_m, label.y_m - TEXT_M * 0.36)
-        at = f'x="{x:.2f}" y="{y:.2f}" fill="{label.colour}" text-anchor="middle"'
-        parts.append(f"<text {at}>{escape(label.text)}</text>")
-    for poi in data.pois:
-        x, y = place(poi["x_m"], poi["y_m"])
-        title = " ".join(str(poi.get(key) or "") for key in ("name", "number", "room_type")).strip()
-        radius = 1.5 * ASTERISK_M * UNITS_PER_M
+    for stroke in sheet.strokes:
+        shape = "".join(path(line, stroke.filled) for line in stroke.lines)
+        parts.append(f'<path class="{stroke.name}" {_paint(stroke)} d="{shape}"/>')
+    for text in sheet.texts:
+        at = f'x="{text.x_mm:.2f}" y="{sheet.height_mm - text.y_mm:.2f}" fill="{text.colour}"'
+        look = f'font-size="{text.height_mm:g}" text-anchor="{text.anchor}"'
+        parts.append(f"<text {at} {look}>{escape(text.text)}</text>")
+    for hint in sheet.hints:
+        at = f'cx="{hint.x_mm:.2f}" cy="{sheet.height_mm - hint.y_mm:.2f}" r="{1.5 * ASTERISK_MM:g}"'
         parts.append(
-            f'<circle class="poi" cx="{x:.2f}" cy="{y:.2f}" r="{radius:g}" fill="{PAPER}" fill-opacity="0">'
-            f"<title>{escape(title)}</title></circle>"
+            f'<circle class="poi" {at} fill="{PAPER}" fill-opacity="0"><title>{escape(hint.text)}</title></circle>'
         )
     return "\n".join([*parts, "</svg>", ""])
 
 
-def as_png(data: MapData) -> bytes:
-    """The map as PNG, PIXELS_PER_M unless a side would pass IMAGE_SIDE_MAX_PX; its resolution prints 1 cm for 1 m."""
-    drawing = draw(data)
-    scale_px = min(PIXELS_PER_M, IMAGE_SIDE_MAX_PX / max(drawing.width_m, drawing.height_m))
-    size = round(drawing.width_m * scale_px), round(drawing.height_m * scale_px)
-    fine = scale_px * OVERSAMPLING
-    image = Image.new("RGB", (size[0] * OVERSAMPLING, size[1] * OVERSAMPLING), PAPER)
-    brush = ImageDraw.Draw(image)
-    font = ImageFont.load_default(size=TEXT_M * fine)
+def _paint(stroke: Stroke) -> str:
+    if stroke.filled:
+        return f'fill="{stroke.colour}"'
+    dash = f' stroke-dasharray="{stroke.dash_mm[0]:g} {stroke.dash_mm[1]:g}"' if stroke.dash_mm else ""
+    return f'stroke="{stroke.colour}" stroke-width="{stroke.width_mm:g}"{dash}'
 
-    def place(points_m: Points) -> list[tuple[float, float]]:
-        return [((x - drawing.x0_m) * fine, image.height - (y - drawing.y0_m) * fine) for x, y in points_m.tolist()]
 
-    for line in drawing.lines:
-        width = max(round(line.width_m * fine), 1)
-        for stroke in map(place, line.strokes):
-            if line.filled:
-                brush.polygon(stroke, fill=line.colour)
-                continue
-            brush.line(stroke, fill=line.colour, width=width, joint="curve")
-            for x, y in (stroke[0], stroke[-1]) if width > 2 else ():
-                brush.ellipse((x - width / 2, y - width / 2, x + width / 2, y + width / 2), fill=line.colour)
-    for label in drawing.labels:
-        (at,) = place(np.array([[label.x_m, label.y_m]]))
-        brush.text(at, label.text, fill=label.colour, font=font, anchor="mm")
+def as_png(data: MapData, block: TitleBlock = _UNTITLED) -> bytes:
+    """The sheet as PNG, PIXELS_PER_MM unless it had more than IMAGE_PIXELS_MAX then; its resolution is in the file."""
+    sheet = single_sheet(make_plan(data), block)
+    fitting = sqrt(IMAGE_PIXELS_MAX / (sheet.width_mm * sheet.height_mm))
+    if fitting < PIXELS_PER_MM:
+        _log.warning("The sheet is too large for a PNG of 150 dpi, this one has %.0f: print the PDF.", fitting * 25.4)
+    scale = min(PIXELS_PER_MM, fitting)
+    size = round(sheet.width_mm * scale), round(sheet.height_mm * scale)
+    image = _painted(sheet, scale * OVERSAMPLING, (size[0] * OVERSAMPLING, size[1] * OVERSAMPLING))
     out = io.BytesIO()
-    dpi = scale_px * 2.54
-    image.resize(size, Image.Resampling.LANCZOS).save(out, "PNG", dpi=(dpi, dpi), optimize=True)
+    dpi = scale * 25.4
+    image.resize(size, Image.Resampling.LANCZOS).save(out, "PNG", dpi=(dpi, dpi))
     return out.getvalue()
+
+
+def _painted(sheet: Sheet, scale: float, size: tuple[int, int]) -> Image.Image:
+    """`scale` in pixels per millimetre."""
+    image = Image.new("RGB", size, PAPER)
+    brush = ImageDraw.Draw(image)
+
+    def place(points: Points) -> list[tuple[float, float]]:
+        return [(x * scale, size[1] - y * scale) for x, y in points.tolist()]
+
+    for stroke in sheet.strokes:
+        width = max(round(stroke.width_mm * scale), 1)
+        for line in map(place, stroke.lines if stroke.dash_mm is None else _dashes(stroke.lines, *stroke.dash_mm)):
+            if stroke.filled:
+                brush.polygon(line, fill=stroke.colour)
+                continue
+            brush.line(line, fill=stroke.colour, width=width, joint="curve")
+            for x, y in (line[0], line[-1]) if width > 2 else ():
+                brush.ellipse((x - width / 2, y - width / 2, x + width / 2, y + width / 2), fill=stroke.colour)
+    anchors = {"start": "ls", "middle": "ms", "end": "rs"}
+    for text in sheet.texts:
+        font = ImageFont.truetype(font_file(), size=text.height_mm * scale)
+        ((x, y),) = place(np.array([[text.x_mm, text.y_mm]]))
+        brush.text((x, y), text.text, fill=text.colour, font=font, anchor=anchors[text.anchor])
+    return image
+
+
+def _dashes(lines: list[Points], dash_mm: float, gap_mm: float) -> list[Points]:
+    """The dashes of polylines, each with its own straight part of them."""
+    dashes = []
+    for line in lines:
+        for a, b in pairwise(line):
+            length_mm = float(np.hypot(*(b - a)))
+            starts_mm = np.arange(0.0, length_mm, dash_mm + gap_mm) if length_mm else np.zeros(1)
+            along = (b - a) / length_mm if length_mm else np.zeros(2)
+            dashes += [a + np.outer((s, min(s + dash_mm, length_mm)), along) for s in starts_mm.tolist()]
+    return dashes

@@ -12,9 +12,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from common.errors import sentence
-from offboard.export.formats import EXPORTS
-from offboard.runs.run_folder import RunFolderError
+from common.errors import StartError, sentence
+from offboard.export.formats import EXPORTS, title
 
 _PICTURES = ("svg", "png")
 
@@ -25,8 +24,8 @@ def draw(run_dir: Path) -> None:
     """From the files of the folder; where there is no picture, a line in the log gives the reason."""
     try:
         for name in _PICTURES:
-            EXPORTS[name].of_run(run_dir, run_dir)
-    except (RunFolderError, OSError) as error:
+            EXPORTS[name].of_run(run_dir, run_dir, title(run_dir))
+    except (StartError, OSError) as error:
         _log.warning("no picture of the map: %s", sentence(error))
 
 

@@ -184,6 +184,19 @@ class RunReader:
             raise RunDatabaseError(f"{self._file} is damaged: table starts holds a date without its zone.")
         return dates
 
+    def least_delays_s(self) -> dict[tuple[str, int], float]:
+        """(topic, boot id) -> how far the recorder's clock is ahead of the sender's, the shortest delay included."""
+        query = (
+            "SELECT topic, boot_id, min(arrived_s - t_s) FROM messages WHERE problem IS NULL GROUP BY topic, boot_id"
+        )
+        # The difference is SQLite's own, so that it is a number whatever stands there
+        return {(topic, boot_id): float(delay_s or 0.0) for topic, boot_id, delay_s in self._rows(query)}
+
+    def begin_s(self) -> float:
+        """When the first message arrived, on the recorder's clock."""
+        ((begin_s,),) = self._rows("SELECT min(arrived_s) + 0.0 FROM messages")
+        return float(begin_s or 0.0)
+
     def duration_s(self) -> float:
         """From the first message to the last, on the recorder's clock."""
         # The difference is SQLite's own, so that it is a number whatever stands there

@@ -17,7 +17,7 @@ from starlette.concurrency import run_in_threadpool
 from offboard.export.formats import EXPORTS
 from offboard.visualizer.feed import Feed
 
-LIVE_EXPORTS = {name: export.live for name, export in EXPORTS.items() if export.live is not None}
+LIVE_EXPORTS = {name: form.live for name, form in EXPORTS.items() if form.live is not None and not form.missing()}
 KEPT_S = 2.0  # for so long an export is given again though the robot drives on
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -38,3 +39,9 @@ def sound_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sound") / "run"
     record_run(folder)
     return folder
+
+
+@pytest.fixture
+def recorded_run(sound_run: Path, tmp_path: Path) -> Path:
+    """A copy of it: whoever reads a database leaves files beside it."""
+    return Path(shutil.copytree(sound_run, tmp_path / "recorded"))

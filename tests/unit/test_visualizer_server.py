@@ -24,6 +24,7 @@ from common.bus import LocalMesh
 from common.errors import StartError
 from common.messages import GRID, MAP, POI, POSE, STATUS, GridUpdate, MapUpdate, PointOfInterest, PoseEstimate
 from offboard.export import map_picture
+from offboard.export.title import TitleBlock
 from offboard.runs.run_folder import MapData
 from offboard.visualizer import connections
 from offboard.visualizer import server as server_module
@@ -96,8 +97,8 @@ def test_wall_points_are_exported_as_they_are(server: PageServer) -> None:
 
 
 def test_an_unknown_export_says_which_there_are(server: PageServer) -> None:
-    status, _, body = get(server, "export/map.dxf")
-    assert (status, body.decode()) == (404, "No export as dxf; choose from svg, png, csv.")
+    status, _, body = get(server, "export/map.dwg")
+    assert (status, body.decode()) == (404, "No export as dwg; choose from pdf, svg, png, dxf, csv.")
 
 
 def test_photos_are_given_by_number(server: PageServer) -> None:
@@ -162,7 +163,7 @@ def test_exports_are_made_one_at_a_time_and_who_waited_gets_the_same(
     begun: list[MapData] = []
     alone = threading.Lock()
 
-    def draw(data: MapData) -> bytes:
+    def draw(data: MapData, _: TitleBlock) -> bytes:
         assert alone.acquire(blocking=False)
         begun.append(data)
         time.sleep(0.1)
@@ -189,7 +190,7 @@ def test_what_is_said_to_lie_on_no_floor_is_left_out_of_the_exports(server: Page
     feed.take(POSE, PoseEstimate(0.0, 1e7, 0.0, 0.0, 0.0, 0.1, 0.1, 1))
     assert len(get(server, "export/map.csv")[2].split()) == 3
     for form in ("svg", "png"):
-        assert len(get(server, f"export/map.{form}")[2]) < 20_000
+        assert len(get(server, f"export/map.{form}")[2]) < 80_000
 
 
 def silent(server: PageServer) -> socket.socket:
@@ -294,7 +295,7 @@ def test_a_page_is_told_at_once_and_then_what_is_new(server: PageServer, feed: F
         first = [page.recv(timeout=5) for _ in range(3)]
         hello = json.loads(first[0])
         assert (hello["channel"], hello["robot"]) == ("hello", "robot7")
-        assert [offer["form"] for offer in hello["exports"]] == ["svg", "png", "csv"]
+        assert [offer["form"] for offer in hello["exports"]] == ["pdf", "svg", "png", "dxf", "csv"]
         until(lambda: server.pages == 1)
         feed.take(POSE, PoseEstimate(0.0, 3.0, 0.0, 0.0, 0.0, 0.1, 0.1, 1))
         while True:
