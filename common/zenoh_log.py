@@ -32,6 +32,9 @@ _REFUSAL = re.compile(
     r"(?P<thread>ThreadId\(\d+\)) \S+: (?:Using cached result: )?(?P<link>\w+)(?: on (?P<subject>\S+))?"
     r" is unauthorized to (?P<act>Put|Reply) \(ingress\) on [^/\s]+/(?P<key>\S+)"
 )
+# Zenoh writes it for every message that comes with a time from too far ahead. It passes the message on all the same
+_CLOCKS_APART = re.compile(r"timestamp from \S+ exceeding delta")
+_CLOCKS_PERIOD_S = 3600.0
 _CERTIFICATE = re.compile(r"CertCommonName\((\w+)\)")
 _NUMBER = re.compile(r"[0-9a-f]*\d[0-9a-f]*")
 _KEYS = frozenset(key for topic in TOPICS for key in (topic.key, topic.bundle_key))
@@ -44,6 +47,7 @@ class ZenohLog:
 
     def __init__(self) -> None:
         self._repeats = Repeats()
+        self._clock_repeats = Repeats(_CLOCKS_PERIOD_S)
         self._speakers: OrderedDict[str, str] = OrderedDict()  # Zenoh's id of who is linked -> what he is known by
         self._rights: dict[str, tuple[str, str]] = {}  # thread -> id and key whose rights it may be working out
         self._partial_line = ""
@@ -57,6 +61,8 @@ class ZenohLog:
             line = _COLOUR.sub("", coloured)
             if refusal := _REFUSAL.search(line):
                 self._receive_refusal(refusal, now_s)
+            elif _CLOCKS_APART.search(line):
+                self._warn_of_clocks(now_s)
             elif found := _LINE.match(line):
                 self._log_repeated(
                     logging.getLevelNamesMapping()[found["level"]], f"{found['source']}: {found['text']}", now_s
@@ -77,6 +83,13 @@ class ZenohLog:
             speaker = self._speakers.get(link, "from=unknown")
             self._log_repeated(
                 logging.WARNING, f"a message was refused: it has no right to it {speaker} topic={topic}", now_s
+            )
+
+    def _warn_of_clocks(self, now_s: float) -> None:
+        if self._clock_repeats.count("apart", now_s):
+            _log.warning(
+                "the clock of another machine is ahead of this one's by more than half a second: messages arrive all "
+                "the same, but times in logs do not fit together; `indoor-mapping deploy clock` prints by how much"
             )
 
     def _log_repeated(self, level: int, text: str, now_s: float) -> None:

@@ -11,6 +11,12 @@ from common.zenoh_log import ZenohLog
 
 RULES = "2026-11-27T04:45:30.1Z {level} rx-1 ThreadId(0{thread}) zenoh::net::routing::interceptor::access_control: "
 VIEWER = "a1b2"
+CLOCKS = (
+    "2026-11-30T19:50:{:02}.675914Z ERROR ThreadId(01) zenoh::net::routing::dispatcher::pubsub: Error treating "
+    "timestamp for received Data (incoming timestamp from 34820ca4c75f48724e04031762fc1251 exceeding delta 500ms is "
+    "rejected: 2026-11-30T19:50:32.675763000Z vs. now: 2026-11-30T19:50:22.675885447Z). "
+    "Replace timestamp: Some(7714054277777803232/34820ca4c75f48724e04031762fc1251)\n"
+)
 KNOWN_AS = f" on Interface(lo)+CertCommonName(viewer)+Transport(Tls)+{VIEWER}"
 WRITTEN = ("Reply", "Put", "Delete", "Declare/Undeclare Subscriber")
 
@@ -56,6 +62,14 @@ def test_coloured_errors_and_warnings_are_told_with_their_level(caplog: pytest.L
         ("WARNING", "zenoh_link_tls: peer sent no certificates count=1"),
         ("WARNING", "zenoh_link_tls: invalid peer certificate count=1"),
     ]
+
+
+def test_clocks_that_are_apart_are_one_warning_and_no_error_a_second(caplog: pytest.LogCaptureFixture) -> None:
+    log = ZenohLog()
+    for second in range(4000):
+        log.receive(CLOCKS.format(second % 60), float(second))
+    assert [record.levelname for record in caplog.records] == ["WARNING", "WARNING"], "one an hour"
+    assert "clock of another machine is ahead" in caplog.messages[0]
 
 
 def test_lines_may_be_cut_anywhere(caplog: pytest.LogCaptureFixture) -> None:
