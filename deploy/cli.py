@@ -27,6 +27,7 @@ FAMILIES = {
     "node": ("node", "command-center"),
     "operator": ("estop", "release", "start", "pause", "resume", "home", "goto"),
     "records": ("runs", "export"),
+    "view": ("view",),
     "signs": ("read-signs",),
     "service": ("check-sensors", "drive", "calibrate"),
     "deployment": ("deploy",),

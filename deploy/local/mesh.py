@@ -44,6 +44,7 @@ SERIAL_WAIT_S = 30.0
 END_TIMEOUT_S = 5.0
 RECORDER_TIMEOUT_S = 30.0
 RECORDED_TIMEOUT_S = 10.0
+UNWATCHED_S = 5.0  # a page that lost its server is back within two seconds
 _POLL_S = 0.1
 _START_POLL_S = 0.02
 _PROGRESS_PERIOD_S = 5.0
@@ -144,7 +145,24 @@ class LocalRun:
             self._end_in_order()
             if view is not None and self._began_s is not None:
                 self._summarise(view, permit, self._began_s)
+        self._keep_page()
         return self.exit_code
+
+    def _keep_page(self) -> None:
+        """The map stays for who looks at it; a run that nobody watches in a terminal ends at once."""
+        run = self._paths.folder
+        print(f"To look at it again: indoor-mapping view {run}", flush=True)
+        if not has_terminal():
+            return
+        from offboard.visualizer.run_view import feed_of_run, serve  # here, because no run needs them before its end
+
+        def on_address(address: str) -> None:
+            print(f"The map stays at {address} while a page is open there; Ctrl-C ends.", flush=True)
+
+        try:
+            serve(feed_of_run(run), self._config.visualizer, self._stop, on_address, UNWATCHED_S)
+        except StartError as error:
+            _log.warning("%s", error)
 
     def close(self) -> None:
         """Ends every process that was started."""

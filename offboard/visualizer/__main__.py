@@ -10,13 +10,15 @@ from pathlib import Path
 from common.config import Config
 from common.process import argument_parser, run
 from offboard.visualizer.feed import Feed
-from offboard.visualizer.poi_store import NoPois, RunFolderPois
+from offboard.visualizer.live_model import ShownRun
+from offboard.visualizer.poi_store import RunFolderPois
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer
 
 
 def make_visualizer(config: Config, arguments: argparse.Namespace) -> Visualizer:
-    feed = Feed(NoPois() if arguments.run_dir is None else RunFolderPois(arguments.run_dir))
+    run_dir: Path | None = arguments.run_dir
+    feed = Feed() if run_dir is None else Feed(RunFolderPois(run_dir), run=ShownRun(str(run_dir)))
     section = config.visualizer
     server = PageServer(feed, section.host, section.port, config.robot.name, section.names)
     logging.getLogger("visualizer").info("page address=%s", server.address)

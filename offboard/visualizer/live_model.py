@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass
 from itertools import count
 from math import hypot, inf
 from typing import Any
@@ -37,7 +38,6 @@ from common.messages import (
 )
 from common.mission_state import mission_state
 from common.modules import ON_ROBOT
-from offboard.export.drawing_bounds import drawing_bounds
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor
 from offboard.visualizer.poi_store import PoiRecord, record_of
@@ -47,6 +47,17 @@ TRAIL_MAX = 50_000  # poses since the smoothed path ends, which is sent every fe
 PHOTO_BYTES_MAX = 16_000_000  # of photos that the store has not taken yet; the newest count
 
 Token = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class ShownRun:
+    """What a page says of the run: `name` for `indoor-mapping view`, `recorded` when it was, empty while it goes on."""
+
+    name: str = ""
+    recorded: str = ""
+
+
+NO_RUN = ShownRun()
 
 
 class LiveModel:
@@ -66,7 +77,7 @@ class LiveModel:
         self.photos: dict[int, bytes] = {}  # until the store has them
         self.points_m: npt.NDArray[np.float32] = np.empty((0, 2), np.float32)
         self.inferred: npt.NDArray[np.uint8] = np.empty(0, np.uint8)
-        self.tokens: dict[str, Token] = {"map": (0, 0), "pois": (0, 0)}
+        self.tokens: dict[str, Token] = {"map": (0, 0), "pois": (0, 0), "modules": (0, 0)}
         self.arrived_s: dict[str, float] = {}
         self._versions = count(1)
         self._assembly = MapAssembly()
@@ -88,7 +99,7 @@ class LiveModel:
         if topic.producer in ON_ROBOT:
             self.arrived_s["robot"] = arrived_s
         if isinstance(message, Status):
-            self.statuses[topic.producer] = message
+            self._take_status(topic.producer, message)
             self.arrived_s[topic.producer] = arrived_s
             return
         if topic is POSE:
@@ -106,11 +117,6 @@ class LiveModel:
                 self._changed("pois")
             if record.has_photo:
                 self.photos.pop(record.poi_id, None)
-
-    def age_s(self, name: str, now_s: float) -> float | None:
-        """How long ago something of this name arrived; None when nothing ever did."""
-        arrived_s = self.arrived_s.get(name)
-        return None if arrived_s is None else max(0.0, now_s - arrived_s)
 
     def trail(self) -> FloatArray:
         """The path driven, (K, 3) x, y, heading: smoothed as far as that reaches, then as it was driven."""
@@ -130,12 +136,6 @@ class LiveModel:
         """Another value whenever `map_data` is another."""
         return *(self.tokens.get(channel) for channel in ("map", "pois", "trail")), len(self._since)
 
-    def base_point(self) -> tuple[float, float]:
-        """Lower left corner of the drawing in map coordinates (VSL_MR_03); the same as in the exports."""
-        everything = (self.points_m, self.trail()[:, :2], _places_m(self.pois.values()))
-        x0_m, y0_m, _, _ = drawing_bounds(places_m[on_floor(places_m)] for places_m in everything)
-        return x0_m, y0_m
-
     def _changed(self, channel: str) -> None:
         self.tokens[channel] = (next(self._versions), 0)
 
@@ -152,6 +152,13 @@ class LiveModel:
         old, self.permit = self.permit, permit
         if mission_state(self.plan, old) != mission_state(self.plan, permit):
             self._changed("mission")
+
+    def _take_status(self, module: str, status: Status) -> None:
+        """Ten a second of each, of which nearly all repeat the one before."""
+        before = self.statuses.get(module)
+        self.statuses[module] = status
+        if before is None or _shown(before) != _shown(status):
+            self._changed("modules")
 
     def _take_pose(self, pose: PoseEstimate) -> None:
         # Counted, so that the number of poses that a slow client skipped is known
@@ -192,6 +199,10 @@ class LiveModel:
         self.photos[poi_id] = photo
         while len(self.photos) > 1 and sum(map(len, self.photos.values())) > PHOTO_BYTES_MAX:
             del self.photos[next(iter(self.photos))]
+
+
+def _shown(status: Status) -> tuple[object, ...]:
+    return status.state, status.error_code, status.ready, status.memory_kb, status.detail
 
 
 def _places_m(records: Iterable[PoiRecord]) -> Points:

@@ -2,7 +2,9 @@
 
 A message is text (JSON) or binary: the length of a JSON head (4 bytes, little endian), the head, padded with blanks to
 a multiple of 4, and raw little-endian values. Each has `channel`; the newest of a channel replaces what came before,
-except that `map` goes on at its `start` (0 begins anew). Lengths in metres, angles in radians, ages in seconds.
+except that `map` goes on at its `start` (0 begins anew). What is longer than PIECE_BYTES travels as messages `part`, of
+which the page makes the whole again. Lengths in metres in the message `map`, angles in radians, times in seconds on the
+server's clock: the page learns from the heartbeat what that shows, and so counts the transit too.
 """
 
 from __future__ import annotations
@@ -19,10 +21,13 @@ from common.errors import ERRORS, ErrorInfo
 from common.mission_state import mission_state
 from common.modules import MODULES, SPECIFIED
 from offboard.export.formats import EXPORTS
-from offboard.visualizer.live_model import LiveModel, Token
+from offboard.visualizer.live_model import LiveModel, ShownRun, Token
 
 PageMessage = str | bytes
 Seen = dict[str, Token]  # per client: what it has of every channel
+
+PIECE_BYTES = 4000  # 0.2 s of a link of 20 kB/s
+MAP_POINTS = 400  # of one message: nine bytes each, so that it fits into a piece
 
 _ERRORS = {int(code): info for code, info in ERRORS.items()}
 _UNKNOWN_ERROR = ErrorInfo("an error that this version does not know", "update this laptop")
@@ -51,28 +56,30 @@ def binary_message(channel: str, *body: bytes | memoryview, **values: Any) -> by
     return b"".join((len(head).to_bytes(4, "little"), head, *body))
 
 
-def hello(robot: str, exports: Iterable[str]) -> PageMessage:
+def hello(robot: str, exports: Iterable[str], model_id: str, run: ShownRun) -> PageMessage:
     """The first message of a connection; `exports` are those that the page offers."""
     offered = [{"form": form, "title": EXPORTS[form].title} for form in exports]
-    return text_message("hello", robot=robot, exports=offered)
+    return text_message("hello", robot=robot, exports=offered, model=model_id, run=run.name, recorded=run.recorded)
 
 
-def heartbeat(model: LiveModel, now_s: float, skipped: int) -> PageMessage:
-    """What has an age: the page counts on from here, and takes silence for what it is.
+def heartbeat(model: LiveModel, now_s: float, skipped: int, echo: tuple[float, float] | None) -> PageMessage:
+    """When everything that has an age arrived. The page counts on from here, and takes silence for what it is.
 
-    `skipped`: how many poses this client was too slow for.
+    `skipped`: how many poses this client was too slow for. `echo`: the page's clock at its newest confirmation, and the
+    server's when that arrived.
     """
-    ages = {name: model.age_s(name, now_s) for name in ("pose", "robot")}
-    return text_message("heartbeat", age_s=ages, modules=list(_modules(model, now_s)), skipped=skipped)
+    arrived_s = {name: round(arrived_s, 3) for name, arrived_s in model.arrived_s.items()}
+    answer = None if echo is None else (echo[0], round(now_s - echo[1], 4))
+    return text_message("heartbeat", now_s=round(now_s, 4), echo=answer, arrived_s=arrived_s, skipped=skipped)
 
 
-def _modules(model: LiveModel, now_s: float) -> Iterator[dict[str, Any]]:
+def _modules(model: LiveModel) -> Iterator[dict[str, Any]]:
     """The specification's eight, and whoever else reports."""
     for shown in MODULES:
         name, status = shown.name, model.statuses.get(shown.name)
         if shown not in SPECIFIED and status is None:
             continue
-        module: dict[str, Any] = {"name": name, "title": shown.title, "age_s": model.age_s(name, now_s)}
+        module: dict[str, Any] = {"name": name, "title": shown.title}
         if status is not None:
             error = _ERRORS.get(status.error_code, _UNKNOWN_ERROR)
             module |= {
@@ -87,16 +94,44 @@ def _modules(model: LiveModel, now_s: float) -> Iterator[dict[str, Any]]:
         yield module
 
 
-def changes(model: LiveModel, seen: Seen, now_s: float) -> Iterator[PageMessage]:
-    """One message for every channel of which the client has not seen the newest, and marks them as seen."""
-    for channel, make in _CHANNELS.items():
-        token = model.tokens.get(channel)
-        if token is not None and seen.get(channel) != token:
-            yield make(model, seen.get(channel), now_s)
-            seen[channel] = token
+def urgent(model: LiveModel, seen: Seen) -> PageMessage | None:
+    """The next short message that must not be late, and marks it as seen."""
+    for channel in _URGENT:
+        message = _change(model, seen, channel)
+        if message is not None:
+            return message
+    return None
 
 
-def _pose(model: LiveModel, _: Token | None, now_s: float) -> PageMessage:
+def bulk(model: LiveModel, seen: Seen, channel: str) -> PageMessage | None:
+    """The next message of a channel whose messages may be long, and marks it as seen."""
+    return _next_points(model, seen) if channel == "map" else _change(model, seen, channel)
+
+
+def _change(model: LiveModel, seen: Seen, channel: str) -> PageMessage | None:
+    token = model.tokens.get(channel)
+    if token is None or seen.get(channel) == token:
+        return None
+    seen[channel] = token
+    return _MAKERS[channel](model)
+
+
+def _next_points(model: LiveModel, seen: Seen) -> PageMessage | None:
+    """The map from where this client has it, or anew where its past was corrected."""
+    epoch, total = model.tokens["map"]
+    known = seen.get("map")
+    if known is None and total == 0:
+        return None  # a page that shows a map from before a restart keeps it until there is another
+    start = known[1] if known is not None and known[0] == epoch else 0
+    end = min(total, start + MAP_POINTS)
+    if known == (epoch, end):
+        return None
+    seen["map"] = epoch, end
+    body = model.points_m[start:end].astype("<f4", copy=False).data, model.inferred[start:end].data
+    return binary_message("map", *body, epoch=epoch, start=start, count=end - start, total=total)
+
+
+def _pose(model: LiveModel) -> PageMessage:
     pose = model.pose
     assert pose is not None
     return text_message(
@@ -106,29 +141,22 @@ def _pose(model: LiveModel, _: Token | None, now_s: float) -> PageMessage:
         heading_rad=round(pose.heading_rad, 4),
         sd_xy_m=round(pose.sd_xy_m, 3),
         valid=pose.valid,
-        age_s=model.age_s("pose", now_s),
+        arrived_s=round(model.arrived_s["pose"], 3),
     )
 
 
-def _map(model: LiveModel, seen: Token | None, _: float) -> PageMessage:
-    epoch, length = model.tokens["map"]
-    start = seen[1] if seen is not None and seen[0] == epoch else 0
-    body = model.points_m[start:length].astype("<f4", copy=False).data, model.inferred[start:length].data
-    return binary_message("map", *body, start=start, count=length - start, base=model.base_point())
-
-
-def _trail(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+def _trail(model: LiveModel) -> PageMessage:
     return binary_message("trail", np.ascontiguousarray(model.trail()[:, :2], "<f4").tobytes())
 
 
-def _grid(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+def _grid(model: LiveModel) -> PageMessage:
     grid = model.grid
     assert grid is not None
     size = {"rows": grid.rows, "columns": grid.columns, "cell_m": grid.cell_m}
     return binary_message("grid", grid.cells_zlib, origin=(grid.origin_x_m, grid.origin_y_m), **size)
 
 
-def _plan(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+def _plan(model: LiveModel) -> PageMessage:
     plan = model.plan
     assert plan is not None
     return text_message(
@@ -136,23 +164,27 @@ def _plan(model: LiveModel, _: Token | None, __: float) -> PageMessage:
     )
 
 
-def _mission(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+def _mission(model: LiveModel) -> PageMessage:
     """In words, which are the same everywhere."""
     state = mission_state(model.plan, model.permit)
     return text_message("mission", text=state.text, stage=state.stage.value, standing=state.standing, halls=state.halls)
 
 
-def _pois(model: LiveModel, _: Token | None, __: float) -> PageMessage:
+def _pois(model: LiveModel) -> PageMessage:
     return text_message("pois", pois=[dataclasses.asdict(record) for record in model.pois.values()])
 
 
-# The robot first: it is what must not be late
-_CHANNELS: dict[str, Callable[[LiveModel, Token | None, float], PageMessage]] = {
+def _module_list(model: LiveModel) -> PageMessage:
+    return text_message("modules", modules=list(_modules(model)))
+
+
+_MAKERS: dict[str, Callable[[LiveModel], PageMessage]] = {
     "pose": _pose,
     "mission": _mission,
     "plan": _plan,
-    "map": _map,
+    "modules": _module_list,
     "pois": _pois,
     "trail": _trail,
     "grid": _grid,
 }
+_URGENT = ("pose", "mission")

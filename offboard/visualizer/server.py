@@ -9,8 +9,10 @@ import asyncio
 import re
 import socket
 import threading
+from base64 import b64encode
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
+from hashlib import sha256
 from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -31,17 +33,23 @@ from common.errors import StartError
 from offboard.visualizer import protocol
 from offboard.visualizer.connections import CONNECTIONS_MAX, BoundedProtocol, keep_log_brief
 from offboard.visualizer.exports import LIVE_EXPORTS, Exports, attachment
-from offboard.visualizer.feed import Client, Feed
+from offboard.visualizer.feed import Feed, Held
+from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
 
 PAGE = Path(__file__).with_name("page")
-HEARTBEAT_PERIOD_S = 0.2
-PAGES_MAX = 32  # a slow one keeps a copy of the map; the other connections are for files, photos and exports
-_RECEIVED_BYTES_MAX = 1024  # a page has nothing to send
+PAGES_MAX = 32  # the other connections are for files, photos and exports
+_RECEIVED_BYTES_MAX = 1024  # a page sends what it has received, and nothing else
 _PIECE_BYTES = 64_000
 _END_TIMEOUT_S = 2
 _START_TIMEOUT_S = 10.0
+_INLINE = re.search(r"<script>(.*?)</script>", (PAGE / "index.html").read_text(encoding="utf-8"), re.DOTALL)
+assert _INLINE is not None
+_INLINE_HASH = b64encode(sha256(_INLINE[1].encode()).digest()).decode()
 # A browser that obeys it sends no request to any other server
-_POLICY = "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+_POLICY = (
+    f"default-src 'self'; script-src 'self' 'sha256-{_INLINE_HASH}'; img-src 'self' data: blob:; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
 
 
 class _Headers:
@@ -160,6 +168,7 @@ class PageServer:
 
         routes = [
             WebSocketRoute("/live", self._live),
+            Route("/refusal", self._refused),
             Route("/photos/{poi_id}.jpg", self._photo),
             Route("/export/map.{form}", self._export),
             Mount("/", StaticFiles(directory=PAGE, html=True)),
@@ -193,17 +202,33 @@ class PageServer:
             await self._exports.get(form), LIVE_EXPORTS[form].media_type, {"Content-Disposition": attachment(file_name)}
         )
 
+    def _refused(self, request: Request) -> Response:
+        """Why the socket of a page of that origin is refused: a browser does not let the page read it from there."""
+        origin = request.query_params.get("origin", "")
+        return PlainTextResponse(self._refusal(origin, request.headers.get("host", "")))
+
+    def _refusal(self, origin: str | None, host: str) -> str:
+        """Empty where a page may look. Browsers send the origin of the requesting page; other programs need not."""
+        if origin is not None and urlsplit(origin).netloc != host:
+            return (
+                "This address and the one at the server differ: a proxy between them changes the Host header. "
+                "Let it pass Host on unchanged, or open the page at its own address."
+            )
+        return f"{PAGES_MAX} pages are open, and more may not be: close one." if self.pages >= PAGES_MAX else ""
+
     async def _live(self, page: WebSocket) -> None:
-        if not _same_origin(page) or self.pages >= PAGES_MAX:
+        if self._refusal(page.headers.get("origin"), page.headers.get("host", "")):
             await page.close(1008)
             return
         await page.accept()
         news = asyncio.Event()
         self._waiting.add(news)
         self.pages += 1
+        hello = protocol.hello(self._robot, tuple(LIVE_EXPORTS), self._feed.model_id, self._feed.run)
+        outbound = Outbound(self._feed.client(_held(page)), hello)
         try:
-            sender = asyncio.ensure_future(self._send(page, self._feed.client(), news))
-            listener = asyncio.ensure_future(_until_gone(page))
+            sender = asyncio.ensure_future(self._send(page, outbound, news))
+            listener = asyncio.ensure_future(_listen_to(page, outbound, news))
             done, pending = await asyncio.wait({sender, listener}, return_when=asyncio.FIRST_COMPLETED)
             for task in pending:
                 task.cancel()
@@ -216,20 +241,14 @@ class PageServer:
             self.pages -= 1
             self._waiting.discard(news)
 
-    async def _send(self, page: WebSocket, client: Client, news: asyncio.Event) -> None:
-        """Sends what is new as fast as the page takes it; `send` waits while its buffer is full."""
-        await _send_message(page, protocol.hello(self._robot, tuple(LIVE_EXPORTS)))
-        loop = asyncio.get_running_loop()
-        next_s = loop.time()
+    async def _send(self, page: WebSocket, outbound: Outbound, news: asyncio.Event) -> None:
+        """Sends what is new as fast as the page confirms it."""
         while not self._server.should_exit:
             news.clear()
-            for message in client.changes():
+            while (message := outbound.next()) is not None:
                 await _send_message(page, message)
-            if loop.time() >= next_s:
-                next_s = loop.time() + HEARTBEAT_PERIOD_S
-                await _send_message(page, client.heartbeat())
             try:
-                await asyncio.wait_for(news.wait(), max(0.0, next_s - loop.time()))
+                await asyncio.wait_for(news.wait(), HEARTBEAT_PERIOD_S)
             except TimeoutError:
                 continue
         await page.close(1001)
@@ -248,10 +267,21 @@ async def _send_message(page: WebSocket, message: protocol.PageMessage) -> None:
         await page.send_bytes(message)
 
 
-async def _until_gone(page: WebSocket) -> None:
-    """A page sends nothing that matters; this notices when it leaves."""
-    while (await page.receive())["type"] != "websocket.disconnect":
-        pass
+async def _listen_to(page: WebSocket, outbound: Outbound, news: asyncio.Event) -> None:
+    """Takes confirmations until the page leaves, or sends something else."""
+    while (event := await page.receive())["type"] != "websocket.disconnect":
+        try:
+            outbound.confirm(event.get("text") or "")
+        except (ValueError, RecursionError):
+            await page.close(1008)
+            return
+        news.set()
+
+
+def _held(page: WebSocket) -> Held | None:
+    """What a page that comes back has of the map, as it says in its address."""
+    found = re.fullmatch(r"(\w{1,32}),([0-9]{1,9}),([0-9]{1,9})", page.query_params.get("held", ""), re.ASCII)
+    return Held(found[1], int(found[2]), int(found[3])) if found else None
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -277,9 +307,3 @@ def _is_address(host: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _same_origin(page: WebSocket) -> bool:
-    """Browsers send the origin of the requesting page; other programs need not."""
-    origin = page.headers.get("origin")
-    return origin is None or urlsplit(origin).netloc == page.headers.get("host")

@@ -18,6 +18,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from common.constants import MAP_DENSITY_PER_M
 from common.messages import MAP, PERMIT, POI, POSE, MapUpdate, Permit, PointOfInterest, PoseEstimate
 from offboard.visualizer.feed import Feed
+from offboard.visualizer.live_model import NO_RUN, ShownRun
 from offboard.visualizer.server import PageServer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -49,9 +50,9 @@ def photo(colour: str = "#7a5a3a") -> bytes:
 class Robot:
     """Says by hand what a robot says. `late_s` moves the server's clock on."""
 
-    def __init__(self, port: int = 0) -> None:
+    def __init__(self, port: int = 0, run: ShownRun = NO_RUN) -> None:
         self.late_s = 0.0
-        self.feed = Feed(clock=lambda: time.monotonic() + self.late_s)
+        self.feed = Feed(clock=lambda: time.monotonic() + self.late_s, run=run)
         self.server = PageServer(self.feed, "127.0.0.1", port, "robot1")
         self.server.start()
         self._points = 0
@@ -138,11 +139,11 @@ def visit(browser: Browser) -> Iterator[Callable[..., Visit]]:
     """Opens the page of a robot; whatever it logs as an error fails the test."""
     opened = []
 
-    def open_page(robot: Robot, address: str = "", **options: Any) -> Visit:
+    def open_page(robot: Robot | None, address: str = "", at: str = "", **options: Any) -> Visit:
         context = browser.new_context(**({"viewport": {"width": 1280, "height": 800}} | options))
         visit = Visit(context.new_page())
         opened.append((context, visit))
-        visit.page.goto(robot.server.address + address)
+        visit.page.goto(at or (robot.server.address if robot else "") + address)
         return visit
 
     yield open_page

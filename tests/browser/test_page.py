@@ -88,7 +88,7 @@ def test_a_server_that_falls_silent_is_noticed_though_its_socket_is_open(robot: 
         server = socket.connect_to_server()
         server.on_message(lambda message: None if frozen else socket.send(message))
 
-    seen.page.route_web_socket(re.compile("/live$"), freezable)
+    seen.page.route_web_socket(re.compile(r"/live\?"), freezable)
     seen.page.reload()
     seen.until_live(robot)
     frozen = True
@@ -103,7 +103,7 @@ def test_a_restarted_server_fills_the_page_again(visit: Open) -> None:
     seen = visit(first)
     seen.until_live(first)
     first.server.close()
-    seen.until_link("lost")
+    seen.until_link("ended")
     expect(seen.page.locator("#banner")).to_contain_text("Last known position")
     second = Robot(first.server.port)
     try:
@@ -209,6 +209,43 @@ def test_the_view_zooms_moves_turns_and_measures(robot: Robot, visit: Open) -> N
     expect(page.get_by_title("Measure")).to_have_attribute("aria-pressed", "false")
     page.keyboard.press("f")
     expect(page.get_by_title("Follow the robot")).to_have_attribute("aria-pressed", "true")
+
+
+def test_the_ruler_begins_at_an_asterisk_too_and_letters_work_with_shift(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    seen.until_live(robot)
+    page = seen.page
+    middles = [page.locator(f'.marker[data-poi="{k}"]').bounding_box() for k in (1, 3)]
+    page.keyboard.press("Shift+R")
+    expect(page.get_by_title("Measure")).to_have_attribute("aria-pressed", "true")
+    for box, act in zip(middles, (page.mouse.down, page.mouse.up), strict=True):
+        assert box is not None
+        page.mouse.move(_middle(box) + 2, box["y"] + box["height"] / 2 - 2)
+        act()
+    expect(page.get_by_role("dialog")).to_be_hidden()
+    measured = page.evaluate("import('./main.js').then(({ map }) => map.measured)")
+    assert measured == {"from": [1.5, 0.0], "to": [3.5, 0.0]}, "from door to door, to the millimetre"
+    page.keyboard.press("Shift+F")
+    expect(page.get_by_title("Follow the robot")).to_have_attribute("aria-pressed", "true")
+
+
+def test_a_place_keeps_its_coordinates_while_the_map_grows_and_they_are_those_of_goto(
+    robot: Robot, visit: Open
+) -> None:
+    robot.floor()
+    seen = visit(robot)
+    seen.until_live(robot)
+    place = seen.page.locator('[data-field="place"]')
+    seen.page.get_by_role("button", name="Door 101 Office").click()
+    expect(place).to_have_text("1.50, 0.00 m from the start")
+    robot.wall(-30.0, 60.0)
+    seen.until(lambda: robot.pose() or seen.page.evaluate(BOTTOM) == -30.0, "the map having grown")
+    expect(place).to_have_text("1.50, 0.00 m from the start")
+    expect(seen.page.locator("#position")).to_have_text("1.00, 1.00 m")
+
+
+BOTTOM = "import('./main.js').then(({ model }) => model.walls.box[1])"
 
 
 @pytest.mark.parametrize("width", [390, 1280])

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from websockets.exceptions import WebSocketException
-from websockets.sync.client import connect
 
 from common.messages import MapUpdate
+from tests.page_socket import page_socket
 from tests.system.recording import Points, assembled
 
 _WAIT_S = 5.0
@@ -20,14 +19,9 @@ _WAIT_S = 5.0
 def frames(host: str, port: int, wait_s: float = _WAIT_S) -> Iterator[tuple[dict[str, Any], bytes]]:
     """Head and raw values of every frame, until none comes for `wait_s` or the page is not there."""
     try:
-        with connect(f"ws://{host}:{port}/live", open_timeout=2, close_timeout=0.2, max_size=None) as page:
+        with page_socket(f"http://{host}:{port}/", open_timeout=2) as page:
             while True:
-                message = page.recv(timeout=wait_s)
-                if isinstance(message, bytes):
-                    length = int.from_bytes(message[:4], "little")
-                    yield json.loads(message[4 : 4 + length].decode()), message[4 + length :]
-                else:
-                    yield json.loads(message), b""
+                yield page.next(wait_s)
     except (OSError, TimeoutError, WebSocketException):
         return
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import zlib
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +36,11 @@ from common.messages import (
 )
 from common.modules import SPECIFIED
 from offboard.runs import run_folder
-from offboard.visualizer.feed import Feed
+from offboard.visualizer.feed import Feed, Held
 from offboard.visualizer.live_model import PHOTO_BYTES_MAX, LiveModel
 from offboard.visualizer.poi_store import PoiRecord, RunFolderPois
 from offboard.visualizer.protocol import PageMessage
+from tests.page_socket import unpacked
 
 
 def pose(x_m: float, t_s: float = 0.0, *, valid: bool = True) -> PoseEstimate:
@@ -55,12 +57,12 @@ def door(poi_id: int, number: str = "101", photo: bytes = b"", t_s: float = 1.0)
 
 
 def parsed(message: PageMessage) -> dict[str, Any]:
-    """A message as the page reads it; `body` where there is one."""
-    if isinstance(message, str):
-        return dict(json.loads(message))
-    length = int.from_bytes(message[:4], "little")
-    assert (4 + length) % 4 == 0, "numbers must begin where a browser can read them"
-    return dict(json.loads(message[4 : 4 + length])) | {"body": message[4 + length :]}
+    """A message as the page reads it, with `body`."""
+    head, body = unpacked(message)
+    return head | {"body": body} if body else head
+
+
+CHANNELS = ("plan", "map", "modules", "pois", "trail", "grid")
 
 
 class Watched:
@@ -71,11 +73,23 @@ class Watched:
         self.feed = Feed(store, lambda: self.now_s)
         self.page = self.feed.client()
 
+    def messages(self) -> Iterator[dict[str, Any]]:
+        """All that is new to the page, one after the other."""
+        calls = (self.page.urgent, *(partial(self.page.bulk, channel) for channel in CHANNELS))
+        for call in calls:
+            while (message := call()) is not None:
+                yield parsed(message)
+
     def news(self) -> dict[str, dict[str, Any]]:
-        return {frame["channel"]: frame for frame in map(parsed, self.page.changes())}
+        """By channel; a map that comes as several messages is its last."""
+        return {frame["channel"]: frame for frame in self.messages()}
 
     def heartbeat(self) -> dict[str, Any]:
         return parsed(self.page.heartbeat())
+
+    def ages_s(self) -> dict[str, float]:
+        heartbeat = self.heartbeat()
+        return {name: heartbeat["now_s"] - arrived_s for name, arrived_s in heartbeat["arrived_s"].items()}
 
 
 @pytest.fixture
@@ -84,7 +98,7 @@ def watched() -> Watched:
 
 
 def points(frame: dict[str, Any]) -> list[float]:
-    return np.frombuffer(frame["body"][: 8 * frame["count"]], "<f4").reshape(-1, 2)[:, 0].tolist()
+    return np.frombuffer(frame.get("body", b""), "<f4", 2 * frame["count"]).reshape(-1, 2)[:, 0].tolist()
 
 
 def test_a_page_hears_of_everything_once(watched: Watched) -> None:
@@ -93,7 +107,7 @@ def test_a_page_hears_of_everything_once(watched: Watched) -> None:
     view = PlannerView(0.0, "ROUTE", "driving to a side hall", np.array([[1.0, 2.0]], np.float32), 3, 4.56)
     watched.feed.take(PLAN, view)
     news = watched.news()
-    assert (news["pose"]["x_m"], news["pose"]["valid"], news["pose"]["age_s"]) == (1.0, True, 0.0)
+    assert (news["pose"]["x_m"], news["pose"]["valid"], news["pose"]["arrived_s"]) == (1.0, True, 100.0)
     assert (news["plan"]["path_m"], news["plan"]["area_m2"]) == ([[1.0, 2.0]], 4.6)
     mission = {"text": "stopped while driving to a side hall", "stage": "explore", "standing": "poi is missing"}
     assert news["mission"] == {"channel": "mission", **mission, "halls": "3 to visit"}
@@ -169,23 +183,23 @@ def test_a_slow_page_skips_poses_and_knows_how_many(watched: Watched) -> None:
 
 
 def test_ages_count_from_arrival(watched: Watched) -> None:
-    assert watched.heartbeat()["age_s"] == {"pose": None, "robot": None}
+    assert watched.ages_s() == {}
     watched.feed.take(POSE, pose(0.0, t_s=5000.0))
     watched.now_s += 1.5
     watched.feed.take(PERMIT, Permit(0.0, True, ""))
     watched.now_s += 0.5
-    assert watched.heartbeat()["age_s"] == {"pose": 2.0, "robot": 0.5}
+    assert watched.ages_s() == {"pose": 2.0, "robot": 0.5}
 
 
 def test_what_the_laptop_says_does_not_make_the_robot_fresh(watched: Watched) -> None:
     watched.feed.take(STATUS["recorder"], Status(0.0, "recording", 0, 1, True, 1))
-    assert watched.heartbeat()["age_s"]["robot"] is None
+    assert set(watched.ages_s()) == {"recorder"}
 
 
 def test_every_module_is_named_with_its_error_in_words(watched: Watched) -> None:
     watched.feed.take(STATUS["mmu"], Status(0.0, "WAITING", int(ErrorCode.NO_ODOMETRY), 7, False, 1))
     watched.feed.take(STATUS["planner"], Status(0.0, "X", 4711, 7, True, 1))
-    modules = {module["name"]: module for module in watched.heartbeat()["modules"]}
+    modules = {module["name"]: module for module in watched.news()["modules"]["modules"]}
     assert set(modules) == {module.name for module in SPECIFIED}
     assert modules["mmu"]["meaning"] == "no odometry arrives"
     assert modules["planner"]["meaning"].startswith("an error that this version")
@@ -213,14 +227,42 @@ def test_the_floor_goes_out_as_it_came(watched: Watched) -> None:
     assert (grid["rows"], grid["columns"], grid["origin"]) == (1, 3, [-1.0, -2.0])
 
 
-@pytest.mark.requirement("VSL_MR_03")
-def test_the_base_point_is_the_lower_left_corner_of_all_that_is_drawn(watched: Watched) -> None:
-    watched.feed.take(MAP, wall(0, [-3.0, 5.0]))
+def test_what_a_module_repeats_does_not_go_out_again(watched: Watched) -> None:
+    watched.feed.take(STATUS["mmu"], Status(0.0, "MAPPING", 0, 7, True, 1))
+    assert "modules" in watched.news()
+    watched.feed.take(STATUS["mmu"], Status(0.1, "MAPPING", 0, 7, True, 2))
+    assert watched.news() == {}
+    assert watched.ages_s()["mmu"] == 0.0
+
+
+def test_coordinates_stay_those_of_the_map_while_it_grows_to_the_left_and_down(watched: Watched) -> None:
+    """The page, the terminal and `goto` name one place by the same two numbers, all through a run."""
     watched.feed.take(POI, door(1))
-    x_m, y_m = watched.news()["map"]["base"]
-    data = watched.feed.map_data()
-    assert x_m <= data.points_m[:, 0].min()
-    assert y_m <= min(data.points_m[:, 1].min(), data.pois[0]["y_m"])
+    watched.feed.take(MAP, wall(0, [-3.0]))
+    first = watched.news()
+    watched.feed.take(MAP, wall(1, [-40.0]))
+    second = watched.news()
+    assert (first["pois"]["pois"][0]["x_m"], "pois" in second) == (1.0, False)
+    assert set(second["map"]) == {"channel", "epoch", "start", "count", "total", "body"}
+
+
+def test_a_long_map_goes_out_in_pieces_and_goes_on_where_the_page_has_it(watched: Watched) -> None:
+    watched.feed.take(MAP, wall(0, [float(k) for k in range(1000)]))
+    pieces = list(watched.messages())[:2]
+    assert [piece["start"] for piece in pieces] == [0, 400]
+    has = pieces[0]["epoch"], pieces[0]["count"]
+    watched.page = watched.feed.client(Held(watched.feed.model_id, *has))
+    rest = [frame for frame in watched.messages() if frame["channel"] == "map"]
+    assert [(piece["start"], piece["count"], piece["total"]) for piece in rest] == [(400, 400, 1000), (800, 200, 1000)]
+
+
+@pytest.mark.parametrize("held", [("other", 0, 400), (None, 1, 400), (None, 0, 1001)], ids=["model", "epoch", "more"])
+def test_a_page_that_has_another_map_is_given_all_of_this(watched: Watched, held: tuple[str | None, int, int]) -> None:
+    watched.feed.take(MAP, wall(0, [float(k) for k in range(1000)]))
+    model_id, epoch, points_held = held
+    watched.page = watched.feed.client(Held(model_id or watched.feed.model_id, epoch, points_held))
+    first = next(frame for frame in watched.messages() if frame["channel"] == "map")
+    assert first["start"] == 0
 
 
 class TestPointsOfInterest:
@@ -235,7 +277,7 @@ class TestPointsOfInterest:
     def test_those_of_the_recorder_are_there_after_a_restart(self, tmp_path: Path) -> None:
         watched = Watched(RunFolderPois(tmp_path))
         watched.feed.refresh_pois()
-        assert watched.news() == {"map": watched_empty_map(), "pois": {"channel": "pois", "pois": []}}
+        assert watched.news()["pois"]["pois"] == []
         (tmp_path / "photos").mkdir()
         (tmp_path / "photos" / "poi_1.jpg").write_bytes(b"jpeg")
         write_pois(tmp_path, entry(1, photo="photos/poi_1.jpg"), entry(2))
@@ -268,10 +310,6 @@ class TestPointsOfInterest:
         store = RunFolderPois(run)
         store.read()
         assert [store.photo(1), store.photo(2)] == [None, None]
-
-
-def watched_empty_map() -> dict[str, Any]:
-    return {"channel": "map", "body": b"", "start": 0, "count": 0, "base": [-2, -3]}
 
 
 def entry(poi_id: int, photo: str = "", t_s: float = 1.0) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import socket
 import threading
@@ -12,13 +11,13 @@ import urllib.parse
 import urllib.request
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing
 from typing import Any
 
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 from common.bus import LocalMesh
 from common.errors import StartError
@@ -31,6 +30,7 @@ from offboard.visualizer import server as server_module
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer
+from tests.page_socket import PageSocket, page_socket
 
 
 def until(condition: Callable[[], object], deadline_s: float = 5.0) -> None:
@@ -73,7 +73,12 @@ def get(server: PageServer, path: str, **headers: str) -> tuple[int, Any, bytes]
             return error.code, error.headers, error.read()
 
 
-def live(server: PageServer, **options: Any) -> Any:
+def live(server: PageServer, held: str = "", **options: Any) -> AbstractContextManager[PageSocket]:
+    return page_socket(server.address, held, **options)
+
+
+def raw(server: PageServer, **options: Any) -> ClientConnection:
+    """The socket of somebody who confirms nothing."""
     return connect(server.address.replace("http", "ws") + "live", open_timeout=5, **options)
 
 
@@ -121,7 +126,7 @@ def test_a_strange_name_for_this_machine_is_turned_away_wherever_the_page_is_ser
         ):
             assert get(server, "", Host=name)[0] == 400, name
         with pytest.raises(InvalidStatus):
-            live(server, origin="http://evil.example", additional_headers={"Host": "evil.example"})
+            raw(server, origin="http://evil.example", additional_headers={"Host": "evil.example"})
         own = ("localhost", "127.0.0.1:8080", "10.0.0.7", "[::1]:80", socket.gethostname(), "floor3.example.org:8080")
         for name in own:
             assert get(server, "", Host=name)[0] == 200, name
@@ -205,7 +210,7 @@ def test_connections_that_say_nothing_make_way_for_who_asks(
         idle = [sockets.enter_context(silent(server)) for _ in range(50)]
         assert get(server, "")[0] == 200
         assert idle[0].recv(1) == b""
-        page.recv(timeout=5)
+        page.next(5.0)
         assert len(server._server.server_state.connections) <= 8
     assert not caplog.records
 
@@ -247,20 +252,22 @@ def test_a_reader_that_never_reads_is_given_up(feed: Feed, monkeypatch: pytest.M
 def test_no_more_pages_than_may_be_look_at_a_time(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "PAGES_MAX", 1)
     with live(server) as page:
-        page.recv(timeout=5)
+        page.next(5.0)
         with pytest.raises(InvalidStatus):
-            live(server)
+            raw(server)
         assert get(server, "")[0] == 200
+        assert get(server, f"refusal?origin={server.address.rstrip('/')}")[2].startswith(b"1 pages are open")
     until(lambda: server.pages == 0)
     with live(server) as page:
-        page.recv(timeout=5)
+        page.next(5.0)
 
 
-def test_a_page_that_talks_at_length_is_closed(server: PageServer) -> None:
-    with live(server) as page:
-        page.send(bytes(100_000))
-        with pytest.raises(ConnectionClosed):
-            list(page)
+def test_a_page_that_says_anything_but_what_it_received_is_closed(server: PageServer) -> None:
+    for message in (bytes(100_000), "x", '{"received": 999, "at": 0}', '{"received": 0}', "[" * 1000):
+        with raw(server) as page:
+            page.send(message)
+            with pytest.raises(ConnectionClosed):
+                list(page)
 
 
 def test_a_flood_of_what_is_no_request_is_a_line_a_second_in_the_log(
@@ -287,44 +294,58 @@ def test_a_fault_of_the_server_is_one_line_and_no_traceback(
 
 def test_another_sites_page_may_not_listen(server: PageServer) -> None:
     with pytest.raises(InvalidStatus):
-        live(server, origin="http://evil.example")
+        raw(server, origin="http://evil.example")
+
+
+def test_a_page_behind_a_proxy_that_changes_the_host_reads_why_it_is_refused(server: PageServer) -> None:
+    proxied, own = "http://floor3.example.org", server.address.rstrip("/")
+    with pytest.raises(InvalidStatus):
+        raw(server, origin=proxied)
+    status, _, sentence = get(server, f"refusal?origin={proxied}")
+    assert (status, b"a proxy between them changes the Host header" in sentence) == (200, True)
+    assert get(server, f"refusal?origin={own}")[2] == b""
 
 
 def test_a_page_is_told_at_once_and_then_what_is_new(server: PageServer, feed: Feed) -> None:
     with live(server) as page:
-        first = [page.recv(timeout=5) for _ in range(3)]
-        hello = json.loads(first[0])
+        hello, _ = page.next(5.0)
         assert (hello["channel"], hello["robot"]) == ("hello", "robot7")
         assert [offer["form"] for offer in hello["exports"]] == ["pdf", "svg", "png", "dxf", "csv"]
         until(lambda: server.pages == 1)
         feed.take(POSE, PoseEstimate(0.0, 3.0, 0.0, 0.0, 0.0, 0.1, 0.1, 1))
-        while True:
-            message = page.recv(timeout=5)
-            if isinstance(message, str) and json.loads(message)["channel"] == "pose":
-                break
-        assert json.loads(message)["x_m"] == 3.0
+        assert page.of_channel("pose")[0]["x_m"] == 3.0
     until(lambda: server.pages == 0)
+
+
+def test_a_page_that_lost_its_connection_goes_on_with_the_map_where_it_was(server: PageServer, feed: Feed) -> None:
+    with live(server) as page:
+        model = page.of_channel("hello")[0]["model"]
+        whole, _ = page.of_channel("map")
+    assert (whole["start"], whole["count"]) == (0, 2)
+    feed.take(MAP, MapUpdate(0.0, 1, 2, np.ones((3, 2), np.float32), np.zeros(3, np.uint8)))
+    with live(server, f"{model},{whole['epoch']},2") as page:
+        rest, _ = page.of_channel("map")
+    assert (rest["start"], rest["count"], rest["total"]) == (2, 3, 5)
 
 
 def test_heartbeats_come_while_nothing_else_does(server: PageServer) -> None:
     with live(server) as page:
-        heard = [json.loads(m)["channel"] for m in (page.recv(timeout=5) for _ in range(8)) if isinstance(m, str)]
-    assert heard.count("heartbeat") >= 3
+        began_s = time.monotonic()
+        for _ in range(5):
+            page.of_channel("heartbeat")
+    assert 0.5 < time.monotonic() - began_s < 3.0
 
 
 def test_a_page_that_does_not_read_is_later_given_the_newest_and_no_queue(server: PageServer, feed: Feed) -> None:
     size, count = 300_000, 100
-    with live(server, max_queue=1, max_size=None) as page:
+    with live(server, max_queue=1) as page:
         until(lambda: server.pages == 1)
         for k in range(1, count + 1):
             feed.take(GRID, GridUpdate(0.0, k, 0.0, 0.0, 0.05, 10, k, bytes(size)))
             time.sleep(0.002)
-        got = []
+        got: list[int] = []
         while not got or got[-1] < count:
-            message = page.recv(timeout=5)
-            if isinstance(message, bytes):
-                head = json.loads(message[4 : 4 + int.from_bytes(message[:4], "little")])
-                got += [head["columns"]] if head["channel"] == "grid" else []
+            got.append(page.of_channel("grid")[0]["columns"])
     assert len(got) < count / 2
 
 
@@ -332,7 +353,7 @@ def test_closing_ends_the_server_while_pages_look(feed: Feed) -> None:
     server = PageServer(feed, "127.0.0.1", 0)
     server.start()
     with live(server) as page:
-        page.recv(timeout=5)
+        page.next(5.0)
         began_s = time.monotonic()
         server.close()
         assert time.monotonic() - began_s < 3.0

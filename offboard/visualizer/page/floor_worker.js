@@ -1,7 +1,7 @@
-// The occupancy grid, unpacked beside the page's own thread: compressed cells -> a bitmap of the free floor.
-// 0 unknown, 1 free, 2 wall; row 0 lies at the smallest y.
+// The occupancy grid, unpacked beside the page's own thread: compressed cells -> a bitmap of the free floor, black where
+// that is. 0 unknown, 1 free, 2 wall; row 0 lies at the smallest y.
 
-onmessage = async ({ data: { body, rows, columns, colour } }) => {
+onmessage = async ({ data: { body, rows, columns } }) => {
   const stream = new Blob([body]).stream().pipeThrough(new DecompressionStream("deflate"));
   const cells = new Uint8Array(rows * columns);
   const reader = stream.getReader();
@@ -14,9 +14,7 @@ onmessage = async ({ data: { body, rows, columns, colour } }) => {
   reader.cancel(); // what lies beyond the floor, however much that is
   const image = new ImageData(columns, rows);
   const pixels = new Uint32Array(image.data.buffer);
-  const [red, green, blue] = colour;
-  const free = (255 << 24) | (blue << 16) | (green << 8) | red;
-  for (let k = 0; k < pixels.length; k++) if (cells[k] !== 0) pixels[k] = free;
+  for (let k = 0; k < pixels.length; k++) if (cells[k] !== 0) pixels[k] = 255 << 24;
   const bitmap = await createImageBitmap(image);
   postMessage({ bitmap }, [bitmap]);
 };

@@ -3,6 +3,7 @@
 
 const WHEEL = 0.0015; // per pixel of wheel
 const TURN = Math.PI / 12;
+const SNAP_PX = 15; // half of an asterisk's button
 
 export class Gestures {
   constructor(map, onChange) {
@@ -52,12 +53,20 @@ export class Gestures {
     return [event.clientX - box.left, event.clientY - box.top];
   }
 
+  // The point of interest there, or the place itself
+  #measuredPlace([sx, sy]) {
+    const { view, model } = this.map;
+    const distance = (poi) => Math.hypot(...view.toScreen(poi.x_m, poi.y_m).map((s, k) => s - [sx, sy][k]));
+    const near = model.pois.filter((poi) => distance(poi) <= SNAP_PX).sort((a, b) => distance(a) - distance(b));
+    return near.length ? [near[0].x_m, near[0].y_m] : view.toMap(sx, sy);
+  }
+
   #down(event) {
     if (event.button !== 0) return;
     this.map.overlay.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, this.#place(event));
     if (this.measuring && this.pointers.size === 1) {
-      const at = this.map.view.toMap(...this.#place(event));
+      const at = this.#measuredPlace(this.#place(event));
       this.map.measured = { from: at, to: at };
       this.map.draw(false);
     }
@@ -72,7 +81,7 @@ export class Gestures {
     const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
     this.pointers.set(event.pointerId, now);
     if (others.length) this.#pinch(before, now, others[0]);
-    else if (this.measuring) map.measured = { ...map.measured, to: map.view.toMap(...now) };
+    else if (this.measuring) map.measured = { ...map.measured, to: this.#measuredPlace(now) };
     else {
       map.mode = "free";
       map.view.panBy(now[0] - before[0], now[1] - before[1]);

@@ -8,13 +8,17 @@ import { Model } from "./model.js";
 import { Panel } from "./panel.js";
 import { PoiDialog } from "./poi_dialog.js";
 import { PoiList } from "./poi_list.js";
+import { place } from "./poi_text.js";
+import { Paper } from "./paper.js";
 import { ScreenScale } from "./screen_scale.js";
 
 const AGE_PERIOD_MS = 200;
 const CLOSE_UP = 34; // CSS pixels per metre, to look at a point of interest
+// Where a channel changes the map. A grid is drawn when it is unpacked, and the trail grows below the robot
+const DRAWN = { pose: "below", map: "below", trail: "below", pois: "below", plan: "above", mission: "above" };
 const $ = (id) => document.getElementById(id);
 
-const model = new Model();
+export const model = new Model();
 const panel = new Panel(model);
 const screenScale = new ScreenScale(() => showTools());
 let selected = null;
@@ -22,15 +26,16 @@ let selected = null;
 const open = (id) => dialog.open(id);
 const markers = new Markers($("markers"), open);
 const list = new PoiList(open);
-const map = new MapView($("stage"), model, () => {
+export const map = new MapView($("stage"), model, () => {
   markers.place(map.view, selected);
   showTools();
 });
 const gestures = new Gestures(map, showTools);
+const paper = new Paper(map, model, screenScale);
 const dialog = new PoiDialog({
   find: (id) => model.pois.find((poi) => poi.poi_id === id),
   neighbours: () => list.shown,
-  place: (poi) => `${panel.words(poi)} from the lower left corner; goto ${poi.x_m.toFixed(2)},${poi.y_m.toFixed(2)}`,
+  place: (poi) => `${place(poi)} from the start`,
   show: centre,
   onSelect: (id) => {
     selected = id ?? selected;
@@ -59,8 +64,8 @@ function take(channel, message) {
     dialog.followAddress();
   }
   if (channel === "grid") map.redecode();
-  // A grid is drawn when it is unpacked, and the trail grows below the robot
-  if (channel !== "grid" && channel !== "heartbeat" && channel !== "hello") map.draw(channel !== "plan" && channel !== "mission");
+  const drawn = DRAWN[channel];
+  if (drawn) map.draw(drawn === "below");
 }
 
 function offer(exports) {
@@ -73,7 +78,10 @@ function offer(exports) {
     link.append(name, ` ${title}`);
     return link;
   });
-  $("print").parentElement.replaceChildren(...links, $("print"));
+  $("print").parentElement.replaceChildren(...links, $("print"), $("print-note"));
+  const pdf = exports.some(({ form }) => form === "pdf");
+  $("print-note").textContent = `For 1 cm on paper for 1 m ${pdf ? "print the PDF" : "print with another program"}:
+    a browser prints only the first 19 cm of a wide SVG, and ignores a PNG's resolution.`;
 }
 
 function showTools() {
@@ -86,10 +94,11 @@ function showTools() {
   for (const [name, on] of Object.entries(pressed)) {
     document.querySelector(`[data-act="${name}"]`).setAttribute("aria-pressed", on);
   }
-  $("overlay").classList.toggle("measuring", pressed.ruler);
+  $("stage").classList.toggle("measuring", pressed.ruler);
   screenScale.showBar($("scale-bar"), map.view.scale);
   const cursor = gestures.cursor;
-  $("where").value = cursor ? panel.words({ x_m: map.view.toMap(...cursor)[0], y_m: map.view.toMap(...cursor)[1] }) : "";
+  const [x_m, y_m] = cursor ? map.view.toMap(...cursor) : [];
+  $("where").value = cursor ? place({ x_m, y_m }) : "";
 }
 
 function act(name) {
@@ -110,7 +119,7 @@ function key(event) {
     event.preventDefault();
     $("search").focus();
   } else if (event.key === "Escape" && gestures.measuring) act("ruler");
-  else if (KEYS[event.key]) act(KEYS[event.key]);
+  else if (KEYS[event.key.toLowerCase()]) act(KEYS[event.key.toLowerCase()]);
 }
 
 document.querySelector(".tools").onclick = ({ target }) => {
@@ -118,17 +127,22 @@ document.querySelector(".tools").onclick = ({ target }) => {
   if (button) act(button.dataset.act);
 };
 addEventListener("keydown", key);
-addEventListener("beforeprint", () => map.recolour());
+addEventListener("beforeprint", () => paper.begin());
+addEventListener("afterprint", () => paper.end());
 $("print").onclick = () => print();
 $("scale-bar").onclick = () => screenScale.open();
 addEventListener("click", ({ target }) => {
   if (!$("export").contains(target) || target.closest(".menu-list")) $("export").open = false;
 });
 
-new Link(take, (connected) => {
-  model.connected = connected;
-  panel.show();
-  map.draw(false);
+new Link({
+  onMessage: take,
+  onState: (...state) => {
+    model.link(...state);
+    panel.show();
+    map.draw(false);
+  },
+  held: () => model.held,
 });
 let state = "";
 setInterval(() => {

@@ -19,7 +19,8 @@ export class MapView {
     this.measured = null; // {from: [x, y], to: [x, y]} in metres
     this.base = stage.querySelector("#base");
     this.overlay = stage.querySelector("#overlay");
-    this.floor = null; // {bitmap, grid}
+    this.floor = null; // {bitmap, grid, tinted}
+    this.paper = false; // it is being printed
     this.worker = new Worker("floor_worker.js");
     this.worker.onmessage = ({ data }) => this.#floorReady(data);
     this.decoding = null;
@@ -32,12 +33,28 @@ export class MapView {
     this.recolour();
   }
 
+  // Between `beforeprint` and `afterprint` no frame comes: all is drawn at once
+  onPaper({ width, height }, ratio, zoom) {
+    this.kept = { ...this.view };
+    this.paper = true;
+    this.view.scale *= zoom;
+    this.#setSize(width, height, ratio);
+  }
+
+  onScreen() {
+    Object.assign(this.view, this.kept);
+    this.paper = false;
+    this.#resize();
+  }
+
   recolour() {
     const style = getComputedStyle(document.documentElement);
     const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "ink", "paper", "start"];
     this.colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
-    this.redecode();
-    this.draw();
+    this.stained = true;
+    if (this.floor) this.#tintFloor();
+    if (this.paper) this.#frame();
+    else this.draw();
   }
 
   // Keeps the present grid when the next one is requested before it is done
@@ -45,8 +62,7 @@ export class MapView {
     const grid = this.model.grid;
     if (!grid || this.decoding) return;
     this.decoding = grid;
-    const colour = this.colours.free.match(/\w\w/g).map((hex) => parseInt(hex, 16));
-    this.worker.postMessage({ body: grid.body, rows: grid.rows, columns: grid.columns, colour });
+    this.worker.postMessage({ body: grid.body, rows: grid.rows, columns: grid.columns });
   }
 
   #floorReady({ bitmap }) {
@@ -54,13 +70,29 @@ export class MapView {
     this.decoding = null;
     this.floor?.bitmap.close();
     this.floor = { bitmap, grid };
+    this.#tintFloor();
     if (this.model.grid !== grid) this.redecode();
     this.draw();
   }
 
+  #tintFloor() {
+    const { bitmap } = this.floor;
+    const tinted = new OffscreenCanvas(bitmap.width, bitmap.height);
+    const context = tinted.getContext("2d");
+    context.drawImage(bitmap, 0, 0);
+    context.globalCompositeOperation = "source-in";
+    context.fillStyle = this.colours.free;
+    context.fillRect(0, 0, bitmap.width, bitmap.height);
+    this.floor.tinted = tinted;
+  }
+
   #resize() {
-    this.ratio = window.devicePixelRatio || 1;
-    const { clientWidth: width, clientHeight: height } = this.stage;
+    if (this.paper) return;
+    this.#setSize(this.stage.clientWidth, this.stage.clientHeight, window.devicePixelRatio || 1);
+  }
+
+  #setSize(width, height, ratio) {
+    this.ratio = ratio;
     this.view.width = Math.max(1, width);
     this.view.height = Math.max(1, height);
     for (const canvas of [this.base, this.overlay]) {
@@ -91,10 +123,11 @@ export class MapView {
     if (this.mode === "fit" && model.box) view.fit(model.box, this.#margin());
     if (this.mode === "follow" && model.pose) [view.x, view.y] = [model.pose.x_m, model.pose.y_m];
     const moved = before !== [view.x, view.y, view.scale, view.angle].join();
-    if (this.stained || moved || this.drawn !== before) this.#drawBelow();
+    if (this.paper) this.#drawPaper();
+    else if (this.stained || moved || this.drawn !== before) this.#drawBelow(this.base.getContext("2d"));
     this.stained = false;
     this.drawn = [view.x, view.y, view.scale, view.angle].join();
-    this.#drawAbove();
+    this.#drawAbove(this.overlay.getContext("2d"));
     this.onView();
     this.stage.dispatchEvent(new CustomEvent("drawn"));
   }
@@ -103,26 +136,36 @@ export class MapView {
     return this.view.width < 560 ? { top: 44, right: 60, bottom: 52, left: 16 } : MARGIN;
   }
 
-  #drawBelow() {
+  // All on the lower canvas, by way of a picture: Chromium prints what is drawn on a canvas as strokes, and a second one with
+  // what is clear above it as a mask; not every reader shows such a PDF as it was
+  #drawPaper() {
+    const { width, height } = this.base;
+    const [below, above] = [new OffscreenCanvas(width, height), new OffscreenCanvas(width, height)];
+    this.#drawBelow(below.getContext("2d"));
+    this.#drawAbove(above.getContext("2d"));
     const context = this.base.getContext("2d");
-    const { colours, view, ratio, model } = this;
     context.setTransform(1, 0, 0, 1, 0, 0);
-    context.fillStyle = colours.unknown;
-    context.fillRect(0, 0, this.base.width, this.base.height);
-    view.apply(context, ratio);
+    context.drawImage(below, 0, 0);
+    context.drawImage(above, 0, 0);
+  }
+
+  #drawBelow(context) {
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.fillStyle = this.colours.unknown;
+    context.fillRect(0, 0, context.canvas.width, context.canvas.height);
+    this.view.apply(context, this.ratio);
     this.#drawFloor(context);
     this.#drawLines(context);
     this.#drawTrail(context);
     this.#drawWalls(context);
-    this.#drawBase(context, model.base);
     this.#drawStart(context);
   }
 
   #drawFloor(context) {
     if (!this.floor) return;
-    const { bitmap, grid } = this.floor;
+    const { tinted, grid } = this.floor;
     context.imageSmoothingEnabled = this.view.scale * grid.cell_m < 6;
-    context.drawImage(bitmap, ...grid.origin, grid.columns * grid.cell_m, grid.rows * grid.cell_m);
+    context.drawImage(tinted, ...grid.origin, grid.columns * grid.cell_m, grid.rows * grid.cell_m);
   }
 
   // The part of the map that is seen, as a box along the axes
@@ -133,17 +176,16 @@ export class MapView {
     return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
   }
 
-  // Counted from the base point, as the coordinates are
+  // Counted from the start, as the coordinates are
   #drawLines(context) {
     const [x0, y0, x1, y1] = this.#seen();
-    const [bx, by] = this.model.base;
     const step = GRID_STEPS.find((s) => s * this.view.scale >= GRID_MIN_PX) ?? 100;
     const lines = new Path2D();
-    for (let x = bx + Math.ceil((x0 - bx) / step) * step; x <= x1; x += step) {
+    for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step) {
       lines.moveTo(x, y0);
       lines.lineTo(x, y1);
     }
-    for (let y = by + Math.ceil((y0 - by) / step) * step; y <= y1; y += step) {
+    for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step) {
       lines.moveTo(x0, y);
       lines.lineTo(x1, y);
     }
@@ -176,19 +218,6 @@ export class MapView {
     }
   }
 
-  // Lower left corner of the drawing, where its coordinates begin
-  #drawBase(context, [x, y]) {
-    if (!this.model.walls.box) return;
-    const arm = 12 / this.view.scale;
-    context.beginPath();
-    context.moveTo(x, y + arm);
-    context.lineTo(x, y);
-    context.lineTo(x + arm, y);
-    context.strokeStyle = this.colours.ink;
-    context.lineWidth = 1.5 / this.view.scale;
-    context.stroke();
-  }
-
   #drawStart(context) {
     if (!this.model.trail.length) return;
     const size = Math.max(0.3, 9 / this.view.scale);
@@ -206,10 +235,9 @@ export class MapView {
     context.fill();
   }
 
-  #drawAbove() {
-    const context = this.overlay.getContext("2d");
+  #drawAbove(context) {
     context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    context.clearRect(0, 0, context.canvas.width, context.canvas.height);
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     context.lineCap = context.lineJoin = "round";
     const live = this.model.state === "live";

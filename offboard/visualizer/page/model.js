@@ -1,28 +1,34 @@
 // The page's copy of what the server knows: messages -> values, and how old they are.
 
+import { ServerClock, seconds } from "./clock.js";
 import { Walls, grown } from "./walls.js";
 
 export const STALE_S = 1.0;
 
-const seconds = () => performance.now() / 1000;
-
 export class Model {
   constructor() {
     this.connected = null; // null before the first connection
+    this.ended = false; // the server left as it should
+    this.refusal = ""; // why it lets this page not in
+    this.clock = new ServerClock();
+    this.source = ""; // which model of the server the map comes from, and how often that was begun anew
+    this.epoch = 0;
     this.robot = "";
+    this.run = ""; // its folder, where it is recorded
+    this.recorded = ""; // when that was; empty while the run goes on
     this.pose = null;
     this.plan = null;
     this.mission = null; // in the server's words
     this.pois = [];
     this.modules = [];
-    this.modulesAt = 0;
     this.skipped = 0;
     this.walls = new Walls();
-    this.base = [0, 0]; // lower left corner of the drawing, in map coordinates
+    this.coming = this.walls; // the corrected map, of which not all has arrived yet
+    this.total = 0; // points of it
     this.grid = null;
     this.trail = []; // x, y, x, y ...
     this.driven = 0; // metres
-    this.since = {}; // when "pose" and "robot" were fresh, on this page's clock
+    this.since = {}; // when the last pose, anything from the "robot", a module's status arrived, on this page's clock
   }
 
   take(channel, message) {
@@ -31,14 +37,33 @@ export class Model {
   }
 
   age(name) {
-    return this.since[name] === undefined ? null : seconds() - this.since[name];
+    return this.since[name] === undefined ? null : Math.max(0, seconds() - this.since[name]);
   }
 
-  // connecting, lost: no server. waiting: no robot yet. silent, stale: no data from it, or no pose. live.
+  // For a server that this page comes back to
+  get held() {
+    return `${this.source},${this.epoch},${this.coming.length}`;
+  }
+
+  // How much of the map has arrived, of 1
+  get progress() {
+    return this.total ? this.coming.length / this.total : 1;
+  }
+
+  link(connected, ended = false, refusal = "") {
+    this.ended = !connected && (ended || this.ended);
+    this.connected = connected;
+    this.refusal = refusal;
+  }
+
+  // connecting, lost: no server. ended: it left as it should. recorded: no robot is meant. waiting: no robot yet.
+  // silent, stale: no data from it, or no pose. live.
   get state() {
     const pose = this.age("pose");
     if (this.connected === null) return "connecting";
-    if (!this.connected) return "lost";
+    if (!this.connected) return this.ended ? "ended" : "lost";
+    if (this.recorded) return "recorded";
+    if (this.clock.ahead === null) return "connecting";
     if (pose === null) return "waiting";
     if (pose <= STALE_S) return "live";
     return this.age("robot") > STALE_S ? "silent" : "stale";
@@ -54,33 +79,38 @@ export class Model {
   }
 
   // A restarted server may not have received it yet, while this page has
-  #fresh(name, age) {
-    if (age !== null) this.since[name] = seconds() - age;
+  #fresh(name, arrived) {
+    if (this.clock.ahead !== null) this.since[name] = this.clock.here(arrived);
   }
 
   _hello(message) {
-    this.robot = message.robot;
+    for (const name of ["robot", "run", "recorded"]) this[name] = message[name];
+    if (message.model !== this.source) this.epoch = -1; // its map begins at its beginning
+    this.source = message.model;
   }
 
-  _heartbeat(message) {
-    for (const [name, age] of Object.entries(message.age_s)) this.#fresh(name, age);
-    this.modules = message.modules;
-    this.modulesAt = seconds();
-    this.skipped = message.skipped;
+  _heartbeat({ echo, now_s, arrived_s, skipped }) {
+    if (echo) this.clock.take(...echo, now_s);
+    for (const [name, arrived] of Object.entries(arrived_s)) this.#fresh(name, arrived);
+    this.skipped = skipped;
+  }
+
+  _modules({ modules }) {
+    this.modules = modules;
   }
 
   _pose(message) {
     this.pose = message;
-    this.#fresh("pose", message.age_s);
+    this.#fresh("pose", message.arrived_s);
     this.#drive(message.x_m, message.y_m);
   }
 
-  _map(message) {
-    const points = new Float32Array(message.body, 0, 2 * message.count);
-    const inferred = new Uint8Array(message.body, 8 * message.count, message.count);
-    if (message.start === 0) this.walls = new Walls();
-    this.walls.add(points, inferred);
-    this.base = message.base;
+  // A corrected map takes the old one's place once it is as complete
+  _map({ epoch, start, count, total, body }) {
+    if (start === 0) this.coming = new Walls();
+    this.coming.add(new Float32Array(body, 0, 2 * count), new Uint8Array(body, 8 * count, count));
+    [this.epoch, this.total] = [epoch, total];
+    if (this.coming.length === total || !this.walls.length) this.walls = this.coming;
   }
 
   _trail(message) {

@@ -1,6 +1,7 @@
 // Everything in words beside the map: link, mission, figures, modules. Ages are updated several times a second.
 
 import { STALE_S } from "./model.js";
+import { place } from "./poi_text.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -9,8 +10,10 @@ const LINKS = {
   connecting: ["ring", "Connecting", ""],
   waiting: ["ring", "Waiting for the robot", ""],
   live: ["dot", "Live", "Live again."],
+  recorded: ["record", "Recorded run", ""],
   stale: ["warning", "STALE", "Stale: the mapping unit is silent."],
   silent: ["warning", "STALE", "Stale: nothing from the robot."],
+  ended: ["stop", "Ended", "The server of this page has ended."],
   lost: ["cross", "No connection", "No connection to this page's server."],
 };
 
@@ -52,19 +55,28 @@ export class Panel {
     if (said !== LINKS.live[2] || $("said").textContent) set($("said"), said);
     document.body.dataset.link = state;
     icon($("link"), sign);
-    set($("link").querySelector("span"), word);
+    set($("link").querySelector("span"), state === "recorded" ? `${word}, ${model.recorded}` : word);
     const text = this.#warning(state);
     $("banner").hidden = !text;
     set($("banner").querySelector("span"), text);
     $("empty").hidden = Boolean(model.box);
-    const missing = state === "lost" || state === "connecting" ? "Waiting for the server" : "Waiting for the first map";
+    const missing = ["lost", "ended", "connecting"].includes(state) ? "Waiting for the server" : "Waiting for the first map";
     set($("empty").querySelector("p"), missing);
+    const { progress } = this.model;
+    $("progress").hidden = progress === 1;
+    $("progress").querySelector("progress").value = progress;
+    set($("progress").querySelector("span"), `Receiving the map: ${Math.floor(100 * progress)} %`);
     set($("robot-name"), model.robot);
   }
 
   #warning(state) {
     const age = since(this.model.age("pose"));
     const last = this.model.pose ? ` Last known position and map, ${age} old.` : "";
+    if (this.model.refusal) return `The server refuses this page. ${this.model.refusal}`;
+    if (state === "ended") {
+      const again = this.model.run ? ` To see the run again: indoor-mapping view ${this.model.run}` : "";
+      return `The server of this page has ended.${again || last}`;
+    }
     if (state === "lost") return `No connection to this page's server; trying again.${last}`;
     if (state === "silent") return `STALE: nothing from the robot for ${since(this.model.age("robot"))}.${last}`;
     if (state === "stale") return `STALE: the mapping unit is silent.${last}`;
@@ -73,10 +85,10 @@ export class Panel {
   }
 
   #showMission() {
-    const { plan, mission, pose, driven } = this.model;
-    const live = this.model.state === "live";
+    const { plan, mission, pose, driven, state } = this.model;
+    const live = state === "live" || state === "recorded";
     const phase = mission ? mission.stage : "wait";
-    const text = mission ? mission.text : "waiting for the robot";
+    const text = mission?.text ?? (state === "recorded" ? "recorded run" : "waiting for the robot");
     const known = live || !mission ? text : `last known: ${text}`;
     set($("mission-state"), known.charAt(0).toUpperCase() + known.slice(1));
     const items = [...$("phases").children];
@@ -86,11 +98,11 @@ export class Panel {
       if (k === at) item.setAttribute("aria-current", "step");
       else item.removeAttribute("aria-current");
     });
-    this.#showMotion(mission, live);
+    this.#showMotion(mission, state === "live");
     set($("area"), plan && plan.area_m2 !== null ? `${plan.area_m2.toFixed(0)} m²` : "–");
     set($("driven"), this.model.trail.length ? `${driven.toFixed(driven < 100 ? 1 : 0)} m` : "–");
     set($("halls"), mission ? mission.halls : "–");
-    set($("position"), pose ? this.words(pose) + (live ? "" : ` (${since(this.model.age("pose"))} ago)`) : "–");
+    set($("position"), pose ? place(pose) + (live ? "" : ` (${since(this.model.age("pose"))} ago)`) : "–");
   }
 
   #showMotion(mission, live) {
@@ -102,18 +114,11 @@ export class Panel {
     set(element.querySelector("span"), mission.standing ? `Stands still: ${mission.standing}` : "May move");
   }
 
-  // From the lower left corner of the drawing
-  words({ x_m, y_m }) {
-    const [bx, by] = this.model.base;
-    return `${(x_m - bx).toFixed(2)}, ${(y_m - by).toFixed(2)} m`;
-  }
-
   #showModules() {
     const { modules } = this.model;
-    const late = performance.now() / 1000 - this.model.modulesAt;
     let healthy = 0;
     for (const module of modules) {
-      const age = module.age_s === null ? null : module.age_s + late;
+      const age = this.model.age(module.name);
       const health = age === null ? "absent" : age > STALE_S ? "silent" : !module.ready || module.error ? "fault" : "well";
       if (health === "well") healthy++;
       this.#showModule(module, health, age);

@@ -12,6 +12,9 @@ export const headline = (poi) => [poi.room_type, poi.number].filter(Boolean).joi
 
 export const spoken = (poi) => [poi.name, poi.number || "without number", poi.room_type].filter(Boolean).join(" ");
 
+// In the map's own coordinates, which are those of `goto`: metres from where the robot started, ahead and to its left
+export const place = ({ x_m, y_m }) => `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m`;
+
 // 7 before 12 before 101, and those without a number at the end
 export function byNumber(a, b) {
   if (!a.number !== !b.number) return a.number ? -1 : 1;

@@ -9,6 +9,7 @@ const BAR_PX = 110; // the bar is at most that long, and a round number of metre
 export class ScreenScale {
   constructor(onChange) {
     this.pixelsPerCm = Number(localStorage.getItem(KEY)) || CSS_PIXELS_PER_CM;
+    this.onPaper = false; // where an inch is an inch
     this.dialog = document.getElementById("screen");
     this.slider = document.getElementById("card-size");
     this.outline = document.getElementById("card-outline");
@@ -18,6 +19,11 @@ export class ScreenScale {
       if (target.dataset.do === "close" || target === this.dialog) this.dialog.close();
     };
     this.#show();
+  }
+
+  // 1 cm for 1 m on this screen stays that on paper
+  get toPaper() {
+    return CSS_PIXELS_PER_CM / this.pixelsPerCm;
   }
 
   open() {
@@ -39,7 +45,7 @@ export class ScreenScale {
   showBar(bar, scale) {
     const metres = [50, 20, 10, 5, 2, 1, 0.5, 0.2, 0.1].find((m) => m * scale <= BAR_PX) ?? 0.05;
     bar.querySelector("i").style.width = `${metres * scale}px`;
-    const ratio = Math.round((100 * this.pixelsPerCm) / scale);
+    const ratio = Math.round((100 * (this.onPaper ? CSS_PIXELS_PER_CM : this.pixelsPerCm)) / scale);
     bar.querySelector("span").textContent = `${metres} m · 1 : ${ratio}`;
   }
 }

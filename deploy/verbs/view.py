@@ -1,0 +1,36 @@
+"""Verb `view`: a recorded run on the page that shows the live one."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+from common.config import VisualizerSection
+from deploy.verbs.records import RUNS_FOLDER
+
+
+def add_verbs(verbs: Any) -> None:
+    view = verbs.add_parser("view", help="a recorded run as a web page, with its exports")
+    view.add_argument("folder", metavar="RUN", type=Path, help="run folder, or its name below runs/")
+    view.add_argument(
+        "--host", default="127.0.0.1", help="address to serve at; 0.0.0.0 for the network too (127.0.0.1)"
+    )
+    view.add_argument("--port", type=int, default=0, help="port of the page (any free one)")
+    view.set_defaults(run=_view)
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    from offboard.visualizer.run_view import feed_of_run, serve  # here, because the other verbs need none of it
+
+    folder: Path = arguments.folder
+    if not folder.is_dir() and (RUNS_FOLDER / folder).is_dir():
+        folder = RUNS_FOLDER / folder
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    page = VisualizerSection(host=arguments.host, port=arguments.port)
+    serve(feed_of_run(folder), page, stop, lambda address: print(f"{folder}: {address} (Ctrl-C ends)", flush=True))
+    return 0
