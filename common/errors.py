@@ -56,6 +56,11 @@ class ErrorCode(IntEnum):
     EMERGENCY_ROUTINE = 504
     # 6xx: poi
     NO_FRAMES = 601
+    FRAMES_FROZEN = 602
+    FRAMES_DARK = 603
+    FRAMES_BRIGHT = 604
+    FRAMES_RARE = 605
+    NO_OCR = 606
     # 7xx: communication
     MODULE_MISSING = 701
     OPERATOR_STOP = 702
@@ -100,6 +105,11 @@ ERRORS: dict[ErrorCode, ErrorInfo] = {
     ErrorCode.BLOCKED: ErrorInfo("the way is blocked", "clear the way; the robot tries again"),
     ErrorCode.EMERGENCY_ROUTINE: ErrorInfo("something is too near; stopped", "clear the way"),
     ErrorCode.NO_FRAMES: ErrorInfo("no camera frames arrive", "check the camera's ribbon cable"),
+    ErrorCode.FRAMES_FROZEN: ErrorInfo("the camera repeats one picture", "pull its plug and put it in again"),
+    ErrorCode.FRAMES_DARK: ErrorInfo("the camera's pictures are black", "uncover the lens, or light the hall"),
+    ErrorCode.FRAMES_BRIGHT: ErrorInfo("the camera's pictures are overexposed", "shade the lens, or shorten exposure"),
+    ErrorCode.FRAMES_RARE: ErrorInfo("camera frames come too seldom", "see what else runs on the Raspberry Pi"),
+    ErrorCode.NO_OCR: ErrorInfo("the OCR engine is missing; doors stay unread", "install the extra 'vision'"),
     ErrorCode.MODULE_MISSING: ErrorInfo("an on-robot module is missing or not ready", "see which one in the log"),
     ErrorCode.OPERATOR_STOP: ErrorInfo("stopped by an operator", "release it on purpose when the way is clear"),
     ErrorCode.RECORDER_AWAY: ErrorInfo("the laptop's recorder is away; buffering", "check the Wi-Fi"),

@@ -20,6 +20,7 @@ BENCHES = {
     "slow-core": ("a mission whose programs of the BeagleBone share one slowed core", "deploy.bench.one_core"),
     "mapping": ("what the mapping unit costs: processor, memory, instructions of a step", "deploy.bench.mapping_cost"),
     "signs": ("how well rendered signs are read, and what a full frame costs", "deploy.bench.sign_reading"),
+    "doors": ("how many doors of hard looks are found along drawn walls", "deploy.bench.door_finding"),
     "firmware": ("what the firmware costs on the Mega, in simavr", "deploy.bench.firmware_cost"),
 }
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from common.board_state import BoardReporter
 from common.config import Config
 from common.process import run
-from onboard.poi.camera.frame_source import open_source
+from onboard.poi.camera.frames_beside import camera_source
 from onboard.poi.poi import Poi, reader_of
 from onboard.poi.signs.reading_job import reading_beside
 
@@ -16,7 +16,7 @@ def make_poi(config: Config, arguments: argparse.Namespace) -> Poi:
     """Raises StartError when there is no such camera."""
     reading = reading_beside(lambda: reader_of(config.poi))
     board = BoardReporter(Poi.name, arguments.log_dir or Path.cwd())
-    return Poi(config.poi, open_source(config.poi.source), reading, board)
+    return Poi(config.poi, camera_source(config.poi.source), reading, board)
 
 
 if __name__ == "__main__":

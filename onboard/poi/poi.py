@@ -27,26 +27,31 @@ from onboard.poi.doors.observations import Sign
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_before
 from onboard.poi.signs.ocr_engine import SignReader
-from onboard.poi.signs.reading_job import Read, ReadingWorker, read
+from onboard.poi.signs.reading_job import Read, Reading, ReadingWorker, read
 from onboard.poi.signs.sign_reading import sign_rules
 from onboard.poi.signs.site_numbers import SiteNumbers, site_numbers
 from onboard.poi.survey import Survey
 
-NO_FRAMES_S = 2.0  # five previews
 RECORD_PERIOD_S = 1.0  # between two searches for records to publish
 PASSED_M = 1.6  # from there on a door is out of view
 PASSED_S = 20.0  # or was not observed for so long
 MOVED_M = 0.04  # a record whose place changed less is not published again
 SAME_RECORD_M = 0.6  # a door nearer to a record belongs to it; doors stand further apart
 RETAKE_NEAR_M = 4.0  # the robot does not drive further back than this
+BLIND = (ErrorCode.NO_FRAMES, ErrorCode.FRAMES_FROZEN, ErrorCode.FRAMES_DARK, ErrorCode.FRAMES_BRIGHT)
 DOOR, NAME_TAG = "Door", "Name Tag"
 
 _log = logging.getLogger("poi")
 
 
 def reader_of(section: PoiSection) -> Read:
-    """Loads the models; returns the function that reads one job."""
-    reader, rules = SignReader(), sign_rules(section)
+    """Loads the models; returns the function that reads one job. Without an engine it reads nothing, and reports so."""
+    try:
+        reader = SignReader()
+    except (ImportError, OSError, RuntimeError) as error:
+        _log.error("reading=impossible reason=%s", error)
+        return lambda job: Reading(job, (), read=False)
+    rules = sign_rules(section)
     camera = CameraModel(*FULL_SIZE_PX, radians(section.field_of_view_deg))
     return lambda job: read(job, reader, rules, camera)
 
@@ -83,16 +88,15 @@ class Poi:
         self._visits: list[WallPoint] = []
         self._published: list[_Published] = []
         self._record_due_s = 0.0
-        self._began_s: float | None = None
         self._proposal = ""
 
     def step(self, bus: Bus, now_s: float) -> None:
-        if self._began_s is None:
-            self._began_s = now_s
         permit = bus.latest(PERMIT)
         stopped = permit is not None and bool(permit.stop_sources)
         self._survey.receive(bus, now_s)
-        if not stopped:
+        if stopped:
+            self._survey.health.paused(now_s)
+        else:
             self._survey.look(now_s, holding=self._retake.phase is Phase.HOLDING)
         pose = self._survey.history.newest
         if pose is not None and not stopped:
@@ -183,18 +187,20 @@ class Poi:
             bus.publish(RETAKE, PoiRequest(now_s, command))
 
     def _report(self, bus: Bus, now_s: float, stopped: bool) -> None:
-        """Missing frames are an error and no reason to stop: the robot maps without them."""
-        assert self._began_s is not None
-        blind = now_s - max(self._survey.frame_seen_s, self._began_s) > NO_FRAMES_S and not stopped
-        state = "STOPPED" if stopped else "BLIND" if blind else self._retake.phase.name
+        """A fault of camera or engine is an error and no reason to stop: the robot maps without them."""
+        survey = self._survey
+        fault = survey.health.fault(now_s)
+        state = "STOPPED" if stopped else "BLIND" if fault in BLIND else self._retake.phase.name
         if state == Phase.IDLE.name:
             state = "LOOKING"
+        if fault is ErrorCode.OK and survey.engine_missing:
+            fault = ErrorCode.NO_OCR
         self._status.report(
             bus,
             now_s,
             state=state,
-            error=ErrorCode.NO_FRAMES if blind else ErrorCode.OK,
-            ready=self._survey.worker.ready,
+            error=fault,
+            ready=survey.worker.ready,
             detail=f"{len(self._published)} doors" + (f", numbers are {self._proposal}" if self._proposal else ""),
         )
 

@@ -18,9 +18,11 @@ from common.geometry import Pose2, wrap_angle
 from common.messages import MAP, POSE, RANGES, PoseEstimate, Ranges
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Frame, Image
+from onboard.poi.camera.frame_health import FrameHealth
 from onboard.poi.camera.frame_source import FrameSource
 from onboard.poi.doors.door_detection import ColourBox, DoorDetector
 from onboard.poi.doors.door_records import DoorRecords
+from onboard.poi.doors.door_view import look_for_doors
 from onboard.poi.placement.pose_history import PoseHistory
 from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker
 from onboard.poi.placement.wall_map import WallMap
@@ -57,7 +59,8 @@ class Survey:
         self.records = DoorRecords(self.map.backs, site)
         self.history = PoseHistory()
         self.photos_read = 0
-        self.frame_seen_s = -inf
+        self.health = FrameHealth()
+        self.engine_missing = False
         self.worker = worker
         self._source = source
         self._full_camera = CameraModel(*FULL_SIZE_PX, field_of_view_rad)
@@ -84,8 +87,7 @@ class Survey:
     def look(self, now_s: float, holding: bool) -> None:
         """Handles what source and worker have; `holding`: the robot stands and takes photos of what is in view."""
         preview = self._source.preview(now_s)
-        if preview is not None:
-            self.frame_seen_s = now_s
+        if preview is not None and self.health.takes(preview.image, now_s, self._driven_m):
             self._held = preview
         full = self._source.full(now_s)
         if full is not None:
@@ -150,7 +152,7 @@ class Survey:
         camera = self._preview_camera
         if image.shape[1::-1] != PREVIEW_SIZE_PX:
             image = cv2.resize(image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA)
-        self._find_edges(image, pose, wall, now_s)
+        look_for_doors(image, camera, pose, wall, self._doors, self.records, self._driven_m, now_s)
         spaced = self._driven_m - self._full_at_m >= FULL_SPACING_M
         if holding:
             spaced = now_s - self._full_at_s >= STANDING_SPACING_S
@@ -160,12 +162,6 @@ class Survey:
         if any(self._worth_reading(box, camera, pose, wall) for box in sign_candidates(gray, camera, wall.distance_m)):
             self._full_at_m, self._full_at_s = self._driven_m, now_s
             self._source.request_full()
-
-    def _find_edges(self, preview: Image, pose: Pose2, wall: WallLine, now_s: float) -> None:
-        for edge in self._doors.edges(preview, self._preview_camera, wall, self._driven_m):
-            point = wall.point(pose, self._preview_camera.bearing_rad(edge.u_px))
-            if point is not None:
-                self.records.add_edge(edge.side, point, now_s, edge.rises)
 
     def _worth_reading(self, box: Box, camera: CameraModel, pose: Pose2, wall: WallLine) -> bool:
         point = wall.point(pose, camera.bearing_rad(box.centre_px[0]))
@@ -197,20 +193,24 @@ class Survey:
 
     def _record(self, reading: Reading, now_s: float) -> None:
         job = reading.job
+        self.engine_missing = not reading.read
+        if not reading.read:
+            return
         self.photos_read += 1
         if not reading.findings:
             point = self._point(job, job.candidate.centre_px[0])
             if point is not None:
                 self.records.add_blank(point, now_s)
-        for finding in reading.findings:
-            point = self._point(job, finding.u_px)
-            if point is not None:
-                bearing_rad = atan2(job.pose.y_m - point.y_m, job.pose.x_m - point.x_m)
-                sign = self.records.add_sign(point, now_s, finding.reading, bearing_rad)
-                sign.distance_m = job.wall.distance_m
-                quality = self._quality(finding, job.frame.image.shape[1])
-                if quality > sign.photo_quality:
-                    sign.photo, sign.photo_quality = jpeg(job.frame.image), quality
+        placed = [(f, point) for f in reading.findings if (point := self._point(job, f.u_px)) is not None]
+        seen = [
+            (point, finding.reading, atan2(job.pose.y_m - point.y_m, job.pose.x_m - point.x_m))
+            for finding, point in placed
+        ]
+        for (finding, _), sign in zip(placed, self.records.add_photo(seen, now_s), strict=True):
+            sign.distance_m = job.wall.distance_m
+            quality = self._quality(finding, job.frame.image.shape[1])
+            if quality > sign.photo_quality:
+                sign.photo, sign.photo_quality = jpeg(job.frame.image), quality
 
     def _quality(self, finding: Finding, width_px: int) -> float:
         """Rank of a photo: sharp, and not far from the middle of the picture; larger is better."""

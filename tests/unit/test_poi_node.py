@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
 from math import pi
 
 import numpy as np
@@ -29,15 +31,17 @@ from common.messages import (
     Ranges,
     Status,
 )
+from common.side_work import JobOutcome
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame, Image
 from onboard.poi.camera.sharpness import Sharpness
 from onboard.poi.placement.wall_line import WallPoint
-from onboard.poi.poi import Poi
+from onboard.poi.poi import Poi, reader_of
 from onboard.poi.retake import Phase, Retake, after, begin, pose_before
 from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.reading_job import Finding, Job, Reading, deferred_reading
 from onboard.poi.signs.sign_reading import SignReading, Verdict
+from onboard.poi.survey import JOBS_MAX
 
 WALL_M = 1.2
 DOOR_M, PLATE_M = (2.5, 3.5), 2.2  # along x on the wall at y = -WALL_M; x grows with the drive
@@ -50,6 +54,7 @@ class Wall:
     def __init__(self) -> None:
         self.x_m = 0.0
         self.lost = False
+        self.frozen_at_m: float | None = None
         self._due_s = 0.0
         self._wanted = False
         self.fulls = 0
@@ -59,8 +64,9 @@ class Wall:
         if self.lost or now_s < self._due_s:
             return None
         self._due_s = now_s + 0.4
-        if self._drawn is None or self._drawn[0] != self.x_m:
-            self._drawn = self.x_m, self._draw(640, 480)
+        x_m = self.x_m if self.frozen_at_m is None else self.frozen_at_m
+        if self._drawn is None or self._drawn[0] != x_m:
+            self._drawn = x_m, self._draw(640, 480, x_m)
         return Frame(now_s, self._drawn[1])
 
     def request_full(self) -> None:
@@ -71,16 +77,16 @@ class Wall:
             return None
         self._wanted = False
         self.fulls += 1
-        return Frame(now_s, self._draw(1280, 960))
+        return Frame(now_s, self._draw(1280, 960, self.x_m))
 
     def close(self) -> None:
         """Nothing is held open."""
 
-    def _draw(self, width: int, height: int) -> Image:
+    def _draw(self, width: int, height: int, robot_m: float) -> Image:
         camera = CameraModel(width, height)
         image = np.full((height, width, 3), (222, 230, 232), np.uint8)
         # The robot's front is left in the picture
-        x_m = self.x_m - (np.arange(width) + 0.5 - width / 2) * camera.metres_per_px(WALL_M)
+        x_m = robot_m - (np.arange(width) + 0.5 - width / 2) * camera.metres_per_px(WALL_M)
         image[:, (x_m > DOOR_M[0]) & (x_m < DOOR_M[1])] = (62, 104, 150)
         low, high = (int(camera.row_px(z, WALL_M)) for z in (CAMERA_HEIGHT_M + 0.02, CAMERA_HEIGHT_M - 0.02))
         stripes = (abs(x_m - PLATE_M) < 0.06) & ((x_m * 100).astype(int) % 2 == 0)
@@ -202,6 +208,80 @@ def test_lost_frames_are_an_error_that_heals_and_stops_nothing() -> None:
     story.wall.lost = False
     story.stand(1.0)
     assert story.status().error_code == ErrorCode.OK
+
+
+def test_camera_that_repeats_one_picture_is_an_error_and_what_it_shows_is_no_door() -> None:
+    story = Story([plate("304")])
+    story.wall.frozen_at_m = 2.3  # door and plate
+    story.drive_to(5.5)
+    assert (story.status().state, story.status().error_code) == ("BLIND", ErrorCode.FRAMES_FROZEN)
+    assert [record.state for record in story.records.values() if record.state == "read"] == []
+    assert len(story.jobs) <= 1
+    story.wall.frozen_at_m = None
+    story.stand(1.0)
+    assert story.status().error_code == ErrorCode.OK
+
+
+def test_robot_without_an_ocr_engine_reports_it_and_finds_doors_all_the_same() -> None:
+    story = Story([plate("304")])
+    story.node = Poi(PoiSection(), story.wall, deferred_reading(lambda: lambda job: Reading(job, (), read=False)))
+    story.drive_to(5.5)
+    assert (story.status().state, story.status().error_code) == ("LOOKING", ErrorCode.NO_OCR)
+    assert [(record.state, record.number) for record in story.records.values()] == [("unread", "")]
+    assert story.requests == []
+
+
+def test_engine_that_cannot_be_loaded_reads_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> None:
+        raise ImportError("No module named 'rapidocr'")
+
+    monkeypatch.setattr("onboard.poi.poi.SignReader", broken)
+    story = Story([plate("304")])
+    story.drive_to(3.0)
+    assert reader_of(PoiSection())(story.jobs[0]) == Reading(story.jobs[0], (), read=False)
+
+
+class OneAtATime:
+    """A reader that takes `takes_s` for every job, and begins none before the one ahead is done."""
+
+    ready = True
+
+    def __init__(self, work: Callable[[Job], Reading], takes_s: float) -> None:
+        self._work, self._takes_s = work, takes_s
+        self._jobs: deque[tuple[float, Job]] = deque()
+        self.most = 0
+
+    @property
+    def pending(self) -> int:
+        return len(self._jobs)
+
+    @property
+    def busy(self) -> bool:
+        return bool(self._jobs)
+
+    def begin(self, job: Job, now_s: float) -> None:
+        begins_s = self._jobs[-1][0] if self._jobs else now_s
+        self._jobs.append((begins_s + self._takes_s, job))
+        self.most = max(self.most, len(self._jobs))
+
+    def result(self, now_s: float) -> JobOutcome[Reading] | None:
+        return JobOutcome(self._work(self._jobs.popleft()[1])) if self._jobs and now_s >= self._jobs[0][0] else None
+
+    def due_s(self, now_s: float) -> float:
+        return self._jobs[0][0] if self._jobs else now_s
+
+    def close(self) -> None:
+        self._jobs.clear()
+
+
+def test_plate_is_read_in_passing_by_a_reader_that_is_six_times_slower() -> None:
+    story = Story([plate("304")])
+    slow = OneAtATime(story._read, takes_s=1.5)
+    story.node = Poi(PoiSection(), story.wall, slow)
+    story.drive_to(5.5)
+    assert [(record.state, record.number) for record in story.records.values()] == [("read", "304")]
+    assert story.requests == []
+    assert slow.most <= JOBS_MAX
 
 
 def test_latched_stop_ends_the_taking_of_photos() -> None:

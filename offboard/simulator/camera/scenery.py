@@ -35,7 +35,8 @@ def build_scenery(floor: Floor, mode: str, seed: int) -> Scenery:
         if mode == "hard" and rng.random() < _GLARE_SHARE:
             picture = with_glare(picture, rng)
         plate_xml = builder.plate(f"plate{i}", door, picture, tilt_rad)
-        doors.append((door, _door_xml(door) + (plate_xml if door.plate.on_door else "")))
+        builder.geoms.append(_frame_xml(door))
+        doors.append((door, _leaf_xml(door) + (plate_xml if door.plate.on_door else "")))
         if not door.plate.on_door:
             builder.geoms.append(plate_xml)
     for i, poster in enumerate(floor.posters):
@@ -89,19 +90,24 @@ class _Builder:
         return _board(place, size_m, tilt_rad, f'material="{name}"')
 
 
-def _door_xml(door: Door) -> str:
-    """Leaf, frame, lintel and handle."""
+def _frame_xml(door: Door) -> str:
+    """Posts and lintel, which stay where the door stands open."""
     frame = _darker(door.colour_rgb)
     across_m = door.width_m / 2 + _FRAME_WIDTH_M / 2
     lintel_m = door.height_m + _FRAME_WIDTH_M / 2
     post_m = (_FRAME_WIDTH_M, door.height_m, _FRAME_DEPTH_M)
     return (
-        _panel_xml(door, 0.0, door.height_m / 2, (door.width_m, door.height_m, _DOOR_DEPTH_M), door.colour_rgb)
-        + _panel_xml(door, -across_m, door.height_m / 2, post_m, frame)
+        _panel_xml(door, -across_m, door.height_m / 2, post_m, frame)
         + _panel_xml(door, across_m, door.height_m / 2, post_m, frame)
         + _panel_xml(door, 0.0, lintel_m, (door.width_m + 2 * _FRAME_WIDTH_M, _FRAME_WIDTH_M, _FRAME_DEPTH_M), frame)
-        + _panel_xml(door, 0.4 * door.width_m, 1.05, (0.12, 0.02, _DOOR_DEPTH_M + 0.03), (150, 150, 150))
     )
+
+
+def _leaf_xml(door: Door) -> str:
+    """Leaf and handle."""
+    return _panel_xml(
+        door, 0.0, door.height_m / 2, (door.width_m, door.height_m, _DOOR_DEPTH_M), door.colour_rgb
+    ) + _panel_xml(door, 0.4 * door.width_m, 1.05, (0.12, 0.02, _DOOR_DEPTH_M + 0.03), (150, 150, 150))
 
 
 def _panel_xml(door: Door, right_m: float, z_m: float, size_m: tuple[float, float, float], rgb: Colour) -> str:

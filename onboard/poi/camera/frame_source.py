@@ -99,6 +99,7 @@ class PiCameraFrames(PacedFrames):
 
     def close(self) -> None:
         self._camera.stop()
+        self._camera.close()
 
     def _capture_preview(self, now_s: float) -> Frame:
         planes = self._camera.capture_array("lores")
@@ -118,12 +119,14 @@ class VideoFrames(PacedFrames):
             raise StartError(f"No camera answers at {device}: plug it in, or correct poi.source in robot.toml.")
         self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, FULL_SIZE_PX[0])
         self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, FULL_SIZE_PX[1])
+        self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         self._newest: Frame | None = None
 
     def close(self) -> None:
         self._capture.release()
 
     def _capture_preview(self, now_s: float) -> Frame | None:
+        self._capture.grab()  # what waits in the driver is as old as the last preview
         works, image = self._capture.read()
         if not works:
             return None
@@ -153,6 +156,11 @@ class StoredFrames(PacedFrames):
 
     def _capture_full(self, now_s: float) -> Frame | None:
         return self._newest
+
+
+def is_camera(uri: str) -> bool:
+    """Whether a URI names a camera of this machine, whose driver may block."""
+    return uri == "picamera" or uri.startswith("/dev/") or re.fullmatch("[0-9]{1,3}", uri) is not None
 
 
 def open_source(uri: str) -> FrameSource:

@@ -6,28 +6,23 @@ belongs to the nearest door of its wall; a plate without a whole door makes a do
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from math import atan2, cos, sin
 
 from onboard.poi.doors.door_detection import Side
-from onboard.poi.doors.observations import Edge, Sign, same_wall
+from onboard.poi.doors.door_spans import OFF_WALL_M, Backed, Span, door_spans
+from onboard.poi.doors.observations import Edge, Jamb, Place, Sign, same_wall
+from onboard.poi.doors.plate_assignment import PLATE_REACH_M, offset, plates_of
 from onboard.poi.placement.wall_line import WallPoint
 
-OFF_WALL_M = 0.25  # between what belongs to one wall, out of its plane
-DOOR_WIDTH_M = (0.65, 1.45)  # between the outer edges of the frame
 USUAL_WIDTH_M = 1.06  # where only one edge is known
-PLATE_REACH_M = 0.55  # from a plate to its door's nearest edge
 OBSERVATIONS_MIN = 2  # of an edge: one alone is often noise
 OBSERVATIONS_UNREAD_MIN = 4  # of each edge of a door without a plate
 SAME_DOOR_M = 0.6  # two that stand nearer are one, observed twice
 SAME_NUMBER_M = 1.2  # the same, when both have one number
 
 AROUND_PLATE_M = 0.25  # on each side, where its wall is looked for
-
-Span = tuple[Edge, Edge]  # left and right edge of a door
-Backed = Callable[[WallPoint, WallPoint], bool]
 
 
 class State(Enum):
@@ -55,20 +50,22 @@ class Door:
         return State.READ if self.sign.accepted else State.DOUBTFUL
 
 
-def associated(edges: list[Edge], signs: list[Sign], backed: Backed) -> list[Door]:
+def associated(
+    edges: list[Edge], jambs: list[Jamb], handles: list[Place], signs: list[Sign], backed: Backed
+) -> list[Door]:
     """Doors with their plates, and plates that stand alone. `backed`: is there wall between a left and a right point?
 
     What was read where the map has no wall hangs elsewhere: beyond an opening, or past a corner.
     """
     well_seen = [e for e in edges if e.place.count >= OBSERVATIONS_MIN]
-    spans = [span for span in _spans(well_seen) if backed(span[0].place.point, span[1].place.point)]
+    spans = door_spans(well_seen, jambs, handles, backed)
     plates = _distinct_plates([s for s in signs if s.is_plate and _on_wall(s.place.point, backed)])
-    plate_of = _plates_of(spans, plates)
+    plate_of = plates_of(spans, plates)
     posters = [s for s in signs if s.rejected]
     doors = [
-        _door(left, right, plates[plate_of[i]] if i in plate_of else None)
-        for i, (left, right) in enumerate(spans)
-        if i in plate_of or _well_observed(left, right, posters)
+        _door(span.left, span.right, plates[plate_of[i]] if i in plate_of else None)
+        for i, span in enumerate(spans)
+        if i in plate_of or _well_observed(span, posters)
     ]
     taken = set(plate_of.values())
     # Without a door around it, a number in doubt may be a year on a poster, and a room's name a direction
@@ -84,30 +81,16 @@ def _on_wall(plate: WallPoint, backed: Backed) -> bool:
     return backed(plate.moved_right(-AROUND_PLATE_M), plate.moved_right(AROUND_PLATE_M))
 
 
-def _plates_of(spans: list[Span], plates: list[Sign]) -> dict[int, int]:
-    """Index of the span -> index of its plate, the nearest pairs first: a door has one plate, and a plate one door."""
-    pairs = sorted(
-        (gap_m, i, j)
-        for i, (left, right) in enumerate(spans)
-        for j, plate in enumerate(plates)
-        if (gap_m := _gap_m(left.place.point, right.place.point, plate.place.point)) is not None
-    )
-    plate_of: dict[int, int] = {}
-    for _, i, j in pairs:
-        if i not in plate_of and j not in plate_of.values():
-            plate_of[i] = j
-    return plate_of
-
-
-def _well_observed(left: Edge, right: Edge, posters: list[Sign]) -> bool:
-    """A door without a plate counts when its edges were observed often.
+def _well_observed(span: Span, posters: list[Sign]) -> bool:
+    """A door without a plate counts when its edges were observed often, and look like a door's.
 
     Around a poster they may be those of a board, unless they rise above what hangs on walls.
     """
-    if min(left.place.count, right.place.count) < OBSERVATIONS_UNREAD_MIN:
+    left, right = span.left, span.right
+    if not span.sure or min(left.place.count, right.place.count) < OBSERVATIONS_UNREAD_MIN:
         return False
-    a, b = left.place.point, right.place.point
-    return min(left.rising, right.rising) > 0 or not any(_gap_m(a, b, poster.place.point) == 0.0 for poster in posters)
+    around = any((at := offset(span, poster.place.point)) is not None and at.side is None for poster in posters)
+    return min(left.rising, right.rising) > 0 or not around
 
 
 def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
@@ -166,35 +149,6 @@ def _distinct(doors: list[Door]) -> list[Door]:
         else:
             kept.append(door)
     return kept
-
-
-def _spans(edges: list[Edge]) -> list[Span]:
-    """Pairs of a left and a right edge that are a door, the best observed first, then the widest; each edge once."""
-    pairs = []
-    for i, left in enumerate(edges):
-        if left.side is not Side.LEFT:
-            continue
-        for j, right in enumerate(edges):
-            if right.side is not Side.RIGHT or not same_wall(left.place.point, right.place.point):
-                continue
-            width_m = right.place.point.right_of(left.place.point)
-            if DOOR_WIDTH_M[0] <= width_m <= DOOR_WIDTH_M[1] and right.place.point.off(left.place.point) < OFF_WALL_M:
-                pairs.append((-min(left.place.count, right.place.count), -width_m, i, j))
-    used: set[int] = set()
-    spans = []
-    for _, _, i, j in sorted(pairs):
-        if i not in used and j not in used:
-            used |= {i, j}
-            spans.append((edges[i], edges[j]))
-    return spans
-
-
-def _gap_m(left: WallPoint, right: WallPoint, plate: WallPoint) -> float | None:
-    """From a plate to the nearest edge of a door, 0 on the door; None when it cannot be that door's."""
-    if not same_wall(left, plate) or plate.off(left) > OFF_WALL_M:
-        return None
-    outside_m = max(left.right_of(plate), plate.right_of(right), 0.0)
-    return outside_m if outside_m < PLATE_REACH_M else None
 
 
 def _door(left: Edge, right: Edge, sign: Sign | None) -> Door:

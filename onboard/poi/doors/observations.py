@@ -11,6 +11,7 @@ from math import atan2, cos, sin
 
 from common.geometry import wrap_angle
 from onboard.poi.doors.door_detection import Side
+from onboard.poi.doors.jamb_lines import JambView
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.sign_reading import SignReading, Verdict
@@ -19,6 +20,7 @@ SAME_WALL_RAD = 0.4  # between normals of one wall; walls meet at right angles
 AGREEING_MIN = 2  # directions from which the same number was read
 SAME_VIEW_RAD = 0.04  # between directions: 5 cm of path at 1.2 m
 BLANKS_MAX = 3  # photos without text, after which a candidate is no sign
+NUMBERED = (Verdict.PLATE, Verdict.DOUBTFUL)  # verdicts on signs whose number is a vote
 MAJORITY = 0.6  # share of the winning number in the confidence of all views
 
 
@@ -67,6 +69,36 @@ class Edge:
 
 
 @dataclass(slots=True)
+class Jamb:
+    """A jamb by its lines, and what previews showed of it, as `JambView` has it.
+
+    `widths_m`: sum of its widths where it is doubled. `risen`, `doubled`: previews that showed it so. `crossed`,
+    `capped`: by side, those in which a line led away from it, less those in which none did.
+    """
+
+    place: Place
+    widths_m: float = 0.0
+    risen: int = 0
+    doubled: int = 0
+    crossed: Counter[Side] = field(default_factory=Counter)
+    capped: Counter[Side] = field(default_factory=Counter)
+
+    def vote(self, view: JambView) -> None:
+        """Counts what one preview shows."""
+        self.risen += view.risen
+        if view.doubled:
+            self.doubled += 1
+            self.widths_m += view.width_m
+        for votes, beside in ((self.crossed, view.crossed), (self.capped, view.capped)):
+            for side, leads in zip((Side.LEFT, Side.RIGHT), beside, strict=True):
+                votes[side] += 0 if leads is None else 1 if leads else -1
+
+    @property
+    def width_m(self) -> float:
+        return self.widths_m / max(self.doubled, 1)
+
+
+@dataclass(slots=True)
 class Votes:
     """All readings of one number, by its key: from which directions, the best confidence of each, how they show it.
 
@@ -76,13 +108,22 @@ class Votes:
     views: list[tuple[float, float]] = field(default_factory=list)
     shown: Counter[RoomNumber] = field(default_factory=Counter)
 
-    def add(self, bearing_rad: float, reading: SignReading, number: RoomNumber) -> None:
+    def add(self, bearing_rad: float, confidence: float, number: RoomNumber) -> None:
         self.shown[number] += 1
-        for i, (view_rad, confidence) in enumerate(self.views):
+        self._view(bearing_rad, confidence)
+
+    def join(self, other: Votes) -> None:
+        """Takes over the readings of another."""
+        self.shown.update(other.shown)
+        for view in other.views:
+            self._view(*view)
+
+    def _view(self, bearing_rad: float, confidence: float) -> None:
+        for i, (view_rad, known) in enumerate(self.views):
             if abs(wrap_angle(view_rad - bearing_rad)) < SAME_VIEW_RAD:
-                self.views[i] = view_rad, max(confidence, reading.confidence)
+                self.views[i] = view_rad, max(known, confidence)
                 return
-        self.views.append((bearing_rad, reading.confidence))
+        self.views.append((bearing_rad, confidence))
 
     @property
     def weight(self) -> float:
@@ -107,10 +148,10 @@ class Sign:
     def vote(self, reading: SignReading, bearing_rad: float) -> None:
         """Counts one reading of the sign, from a robot in this direction of it."""
         self.verdicts[reading.verdict] += 1
-        if reading.number is not None and reading.verdict in (Verdict.PLATE, Verdict.DOUBTFUL):
-            self.votes.setdefault(reading.number.key, Votes()).add(bearing_rad, reading, reading.number)
+        if reading.number is not None and reading.verdict in NUMBERED:
+            self.votes.setdefault(reading.number.key, Votes()).add(bearing_rad, reading.confidence, reading.number)
             self.best_confidence = max(self.best_confidence, reading.confidence)
-        if reading.room_type and reading.verdict in (Verdict.PLATE, Verdict.DOUBTFUL, Verdict.NAMED):
+        if reading.room_type and reading.verdict in (*NUMBERED, Verdict.NAMED):
             self.types[reading.room_type] += 1
 
     @property

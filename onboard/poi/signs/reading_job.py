@@ -53,10 +53,11 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The result of a job; no finding = nothing legible."""
+    """The result of a job; no finding = nothing legible. `read`: there was an engine to read it."""
 
     job: Job
     findings: tuple[Finding, ...]
+    read: bool = True
 
 
 def read(job: Job, reader: Reader, rules: SignRules, camera: CameraModel) -> Reading:

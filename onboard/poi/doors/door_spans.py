@@ -1,0 +1,177 @@
+"""Where doors are on the walls: edges by colour, jambs by lines, handles and the map in, pairs of edges out.
+
+What tells a door is put together here, since each alone fails somewhere: a colour that parts it from its wall, jambs
+that run up above what hangs on walls, lines on both sides of their frame, a lintel, a handle, wall behind it or, where
+it stands open, on both sides of it. Pure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+
+from onboard.poi.doors.door_detection import Side
+from onboard.poi.doors.observations import Edge, Jamb, Place, same_wall
+from onboard.poi.placement.wall_line import WallPoint
+
+OFF_WALL_M = 0.25  # between what belongs to one wall, out of its plane
+DOOR_WIDTH_M = (0.65, 1.45)  # between the outer edges of the frame
+OPEN_WIDTH_M = 1.2  # of a door without wall behind it: wider ones are mouths of side halls
+FLANK_M = (0.08, 0.4)  # from the edge of an open door: there is wall
+JAMBS_MIN = 2  # observations of a jamb: one alone is often noise
+NEAR_M = 0.12  # between a jamb and the edge by colour that is the same
+HANDLE_INSET_M = (0.03, 0.28)  # of the middle of a handle from the jamb that it is near to
+HANDLES_MIN = 2  # observations
+DOUBLED_MIN = 0.4  # share of the observations of a jamb that show both sides of it
+CROSSED_MIN = (
+    0.5  # share of the observations of a jamb in which a line leads away from it, less those in which none does
+)
+ALIKE_M = 0.025  # between the widths of the jambs of one frame
+HANDLE_VOTES = 2  # of a handle, which nothing but doors has; every other cue has one
+VOTES_MIN = 3  # of a door without a plate
+
+Backed = Callable[[WallPoint, WallPoint], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Left and right edge of a door. `sure`: they look like a door's even where no plate is near."""
+
+    left: Edge
+    right: Edge
+    sure: bool
+
+    @property
+    def ends(self) -> tuple[WallPoint, WallPoint]:
+        return self.left.place.point, self.right.place.point
+
+
+def door_spans(edges: list[Edge], jambs: list[Jamb], handles: list[Place], backed: Backed) -> list[Span]:
+    """All doors: those by colour, and between them those by lines. `backed`: is there wall between two points?"""
+    jambs = [jamb for jamb in jambs if jamb.place.count >= JAMBS_MIN]
+    by_colour = [
+        Span(left, right, not _is_board(left, right, jambs))
+        for left, right in _pairs(edges)
+        if _may_be_door(left.place.point, right.place.point, backed)
+    ]
+    by_lines = _by_lines(edges, jambs, handles, backed)
+    return by_colour + [span for span in by_lines if not any(_overlap(span, other) for other in by_colour)]
+
+
+def _pairs(edges: list[Edge]) -> list[tuple[Edge, Edge]]:
+    """Pairs of a left and a right edge that are a door, the best observed first, then the widest; each edge once."""
+    pairs = []
+    for i, left in enumerate(edges):
+        if left.side is not Side.LEFT:
+            continue
+        for j, right in enumerate(edges):
+            if right.side is not Side.RIGHT or not same_wall(left.place.point, right.place.point):
+                continue
+            width_m = right.place.point.right_of(left.place.point)
+            if DOOR_WIDTH_M[0] <= width_m <= DOOR_WIDTH_M[1] and right.place.point.off(left.place.point) < OFF_WALL_M:
+                pairs.append((-min(left.place.count, right.place.count), -width_m, i, j))
+    used: set[int] = set()
+    spans = []
+    for _, _, i, j in sorted(pairs):
+        if i not in used and j not in used:
+            used |= {i, j}
+            spans.append((edges[i], edges[j]))
+    return spans
+
+
+def _is_board(left: Edge, right: Edge, jambs: list[Jamb]) -> bool:
+    """A board, a cabinet, a window: it ends below what rises above them, or a rim or sill leads across it."""
+    if max(left.rising, right.rising) < 0:
+        return True
+    ends = ([jamb for jamb in jambs if _same_place(jamb.place, edge.place)] for edge in (left, right))
+    return any(_crossed(*pair) for pair in product(*ends))
+
+
+def _same_place(a: Place, b: Place) -> bool:
+    return _near(a, b) and same_wall(a.point, b.point) and a.point.distance_m(b.point) < NEAR_M
+
+
+def _may_be_door(a: WallPoint, b: WallPoint, backed: Backed) -> bool:
+    return backed(a, b) or _is_open(a, b, backed)
+
+
+def _is_open(a: WallPoint, b: WallPoint, backed: Backed) -> bool:
+    """No wider than a door, and with wall on both sides."""
+    if b.right_of(a) > OPEN_WIDTH_M:
+        return False
+    near, far = FLANK_M
+    return backed(a.moved_right(-far), a.moved_right(-near)) and backed(b.moved_right(near), b.moved_right(far))
+
+
+def _by_lines(edges: list[Edge], jambs: list[Jamb], handles: list[Place], backed: Backed) -> list[Span]:
+    """Pairs of jambs, those that most speaks for first; each jamb once."""
+    found = []
+    for i, left in enumerate(jambs):
+        for j, right in enumerate(jambs):
+            if i == j or not _near(left.place, right.place):
+                continue
+            a, b = left.place.point, right.place.point
+            if not same_wall(a, b) or b.off(a) > OFF_WALL_M:
+                continue
+            if not DOOR_WIDTH_M[0] <= b.right_of(a) <= DOOR_WIDTH_M[1]:
+                continue
+            if _crossed(left, right) or not _may_be_door(a, b, backed):
+                continue
+            votes = _votes(left, right, edges)
+            if any(_at_hand(a, b, place) for place in handles):
+                votes += HANDLE_VOTES
+            found.append((-votes, -min(left.place.count, right.place.count), i, j))
+    used: set[int] = set()
+    spans = []
+    for votes, _, i, j in sorted(found):
+        if i not in used and j not in used:
+            used |= {i, j}
+            spans.append(Span(_edge(Side.LEFT, jambs[i]), _edge(Side.RIGHT, jambs[j]), -votes >= VOTES_MIN))
+    return spans
+
+
+def _edge(side: Side, jamb: Jamb) -> Edge:
+    return Edge(side, jamb.place, jamb.risen)
+
+
+def _crossed(left: Jamb, right: Jamb) -> bool:
+    """A sill or a rim leads from one jamb to the other; what is seen through a door does so now and then."""
+    return all(
+        jamb.crossed[inwards] >= CROSSED_MIN * jamb.place.count
+        for jamb, inwards in ((left, Side.RIGHT), (right, Side.LEFT))
+    )
+
+
+def _near(a: Place, b: Place) -> bool:
+    """Cheap: most jambs of a floor are far from each other."""
+    return abs(a.x_m - b.x_m) <= DOOR_WIDTH_M[1] and abs(a.y_m - b.y_m) <= DOOR_WIDTH_M[1]
+
+
+def _votes(left: Jamb, right: Jamb, edges: list[Edge]) -> int:
+    """How many cues both jambs share, and those of colour."""
+    risen = min(left.risen, right.risen) >= JAMBS_MIN
+    doubled = all(jamb.doubled >= DOUBLED_MIN * jamb.place.count for jamb in (left, right))
+    alike = doubled and abs(left.width_m - right.width_m) < ALIKE_M
+    capped = left.capped[Side.RIGHT] > 0 and right.capped[Side.LEFT] > 0
+    colour = [
+        any(edge.side is side and _same_place(edge.place, jamb.place) for edge in edges)
+        for side, jamb in ((Side.LEFT, left), (Side.RIGHT, right))
+    ]
+    return sum((risen, doubled, alike, capped, *colour))
+
+
+def _at_hand(a: WallPoint, b: WallPoint, handle: Place) -> bool:
+    """Whether a handle is between two jambs, near to one of them."""
+    at = handle.point
+    if handle.count < HANDLES_MIN or not same_wall(a, at) or at.off(a) > OFF_WALL_M:
+        return False
+    inset_m = min(at.right_of(a), b.right_of(at))
+    return HANDLE_INSET_M[0] <= inset_m <= HANDLE_INSET_M[1]
+
+
+def _overlap(span: Span, other: Span) -> bool:
+    (a, b), (c, d) = span.ends, other.ends
+    if not same_wall(a, c) or a.off(c) > OFF_WALL_M:
+        return False
+    return max(0.0, a.right_of(c)) < min(b.right_of(c), d.right_of(c))
