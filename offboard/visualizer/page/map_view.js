@@ -240,7 +240,7 @@ export class MapView {
     context.clearRect(0, 0, context.canvas.width, context.canvas.height);
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     context.lineCap = context.lineJoin = "round";
-    const live = this.model.state === "live";
+    const live = ["live", "recorded"].includes(this.model.state);
     if (live) this.#drawPlan(context);
     if (this.model.pose) this.#drawRobot(context, live && this.model.pose.valid);
     if (this.measured) this.#drawRuler(context);

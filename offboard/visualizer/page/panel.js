@@ -115,10 +115,11 @@ export class Panel {
   }
 
   #showModules() {
-    const { modules } = this.model;
+    const { modules, state } = this.model;
     let healthy = 0;
     for (const module of modules) {
-      const age = this.model.age(module.name);
+      const recorded = state === "recorded" && module.state; // as it ended: nothing is silent since
+      const age = recorded ? 0 : this.model.age(module.name);
       const health = age === null ? "absent" : age > STALE_S ? "silent" : !module.ready || module.error ? "fault" : "well";
       if (health === "well") healthy++;
       this.#showModule(module, health, age);
