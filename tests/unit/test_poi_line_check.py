@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
@@ -68,6 +69,16 @@ def test_a_number_that_fills_a_narrow_plate_is_whole_and_one_with_a_border_on_on
     picture[:, : ink[0] - left_px] = 130
     picture[:, ink[-1] + 1 + right_px :] = 130
     assert bool(check(255 - picture if negative else picture, "214B").damage) == damage
+
+
+@pytest.mark.parametrize("aside_px", range(3, 15))
+def test_borders_of_a_narrow_plate_are_alike_wherever_the_limit_between_near_and_far_is(aside_px: int) -> None:
+    picture = drawn(("214B", 65, 0))
+    ink = np.flatnonzero((picture < 128).any(axis=0))
+    picture[:, : ink[0] - aside_px] = 60
+    picture[:, ink[-1] + 2 + aside_px :] = 60
+    soft = cv2.GaussianBlur(picture, (0, 0), 1.5)
+    assert check(soft, "214B").damage == ""
 
 
 def test_raised_digit_is_damage() -> None:

@@ -23,6 +23,7 @@ EDGE = 0.15  # as far as an edge is blurred; light changes more slowly
 SHARPER = 3.0  # than the usual change of the background around it
 STEP = 0.25  # of the background within that room, share of the letters' contrast: the border of something
 CENTRED = 0.12  # difference of the room on both sides of a number that fills a narrow plate
+CLEAR = 0.06  # room that the letters of such a number leave at least
 SAME_STEP = 0.3  # of its two borders
 DIFFERS = 0.35  # from the background, share of the letters' contrast: something stands there
 COLUMN_BUSY = 0.12  # share of a column that differs
@@ -181,16 +182,30 @@ def _covered(line: Strokes, capital: float) -> str:
         )
         if (edge := _edge(profile, (at, to), reach, capital, step)) is not None
     }
-    if "left" in edges and "right" in edges:
-        (left_at, left_step), (right_at, right_step) = edges["left"], edges["right"]
-        beside = x0 - left_at, right_at - x1
-        # What covers a line has one border; a narrow plate has two, and its number stands in the middle
-        same = abs(beside[0] - beside[1]) < CENTRED * capital and abs(left_step - right_step) < SAME_STEP * abs(
-            left_step
-        )
-        if same and min(beside) > 0.0:
-            del edges["left"], edges["right"]
+    if ("left" in edges or "right" in edges) and _in_the_middle(across, (x0, x1), capital, step):
+        edges.pop("left", None)
+        edges.pop("right", None)
     return next((f"an edge close {side}" for side in edges), "")
+
+
+def _in_the_middle(across: Profile, ends: tuple[float, float], capital: float, step: float) -> bool:
+    """Whether letters between these ends have like borders on both sides, as a number that fills a narrow plate.
+
+    What covers a line has one border, and that is at the letters. Looked for further out than a border may be near,
+    since of one on the limit only a part would count.
+    """
+    reach, out = max(round(EDGE * capital), 1), (BESIDE_FREE + EDGE + CENTRED) * capital
+    inward = INWARD * capital
+    borders = [
+        _edge(across, (end - way * inward, end + way * out), reach, capital, step)
+        for end, way in zip(ends, (-1.0, 1.0), strict=True)
+    ]
+    if borders[0] is None or borders[1] is None:
+        return False
+    (left_at, left_step), (right_at, right_step) = borders[0], borders[1]
+    beside = ends[0] - left_at, right_at - ends[1]
+    same = abs(beside[0] - beside[1]) < CENTRED * capital and abs(left_step - right_step) < SAME_STEP * abs(left_step)
+    return same and min(beside) > CLEAR * capital
 
 
 def _edge(
