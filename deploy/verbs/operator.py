@@ -20,7 +20,6 @@ from common.zenoh_bus import ZenohBus
 from offboard.command_center import operations, software_stop
 from offboard.command_center.operations import Answer
 from offboard.command_center.operator_client import operate, press_stop, request_release, wait_until
-from offboard.command_center.places import UnknownPlace, coordinates, find_place, findings_of_run, run_folder_of
 from offboard.command_center.software_stop import Demand, StopControl
 
 LINK_TIMEOUT_S = 2.0
@@ -116,6 +115,9 @@ def _operation(arguments: argparse.Namespace) -> int:
 
 def _place(arguments: argparse.Namespace) -> tuple[float, float]:
     """Found before it connects to the mesh; raises StartError."""
+    # Here, because a stop needs none of it
+    from offboard.command_center.places import UnknownPlace, coordinates, find_place, findings_of_run, run_folder_of
+
     try:
         place = coordinates(arguments.place)
         if place is not None:

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
+from textual import events
 from textual.app import App, SystemCommand
 from textual.binding import BindingType
 from textual.command import CommandPalette
@@ -21,7 +22,6 @@ from offboard.command_center.bindings import (
     GENERAL_BINDINGS,
     HELP,
     LOG_BINDINGS,
-    MAIN_SCREEN_ACTIONS,
     OPERATION_BINDINGS,
     STOP_BINDINGS,
 )
@@ -105,11 +105,21 @@ class CommandCenterApp(OperatorActions, App[int]):
         self.set_interval(BAR_PERIOD_S, self._pull_bar_while_demanding)
         self.set_interval(MAP_PERIOD_S, self._pull_map)
 
+    async def on_event(self, event: events.Event) -> None:
+        """Keys take effect in the order in which they come, but for a stop, which waits for none.
+
+        Textual forwards a key to the focused widget, from where it rises through a queue of each widget above to where
+        it is bound: under load another key, or the dialog that this one opens, would come in between.
+        """
+        if isinstance(event, events.Key) and not event.is_forwarded and not self.writes_into_a_field():
+            for priority in (True, False):
+                if await self._check_bindings(event.key, priority):
+                    return
+        await super().on_event(event)
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         if action == "software_stop_by_space":
             return not self.writes_into_a_field()
-        if action in MAIN_SCREEN_ACTIONS:
-            return self.screen is self.main and not self.writes_into_a_field()
         return True
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:

@@ -17,44 +17,34 @@ STOP_BINDINGS = (
 )
 
 
-def _on_main_screen(
-    key: str, action: str, name: str, id_: str, *, shown: bool = True, sign: str | None = None
-) -> tuple[Binding, ...]:
-    """A key that works on the main screen while nobody types there; a letter with Shift or Caps Lock too.
-
-    Priority, so that keys take effect in the order in which they come: the app handles them itself, one after the
-    other, where else a busy widget would hold some of them up.
-    """
-    binding = Binding(key, action, name, show=shown, key_display=sign, priority=True, id=id_)
-    return (binding, replace(binding, key=key.upper(), show=False, id=f"{id_}_shift")) if len(key) == 1 else (binding,)
+def _key(key: str, action: str, name: str, id_: str, *, shown: bool = True, sign: str | None = None) -> list[Binding]:
+    """A key of the main screen; a letter with Shift or Caps Lock too."""
+    binding = Binding(key, action, name, show=shown, key_display=sign, id=id_)
+    return [binding, replace(binding, key=key.upper(), show=False, id=f"{id_}_shift")] if len(key) == 1 else [binding]
 
 
 OPERATION_BINDINGS = (
-    *_on_main_screen("ctrl+r", "release", "Release", "release"),
-    *_on_main_screen("s", "operate('start')", "Start", "start"),
-    *_on_main_screen("p", "operate('pause')", "Pause", "pause"),
-    *_on_main_screen("r", "operate('resume')", "Resume", "resume"),
-    *_on_main_screen("h", "operate('home')", "Home", "home"),
-    *_on_main_screen("g", "goto", "Go to", "goto"),
+    *_key("ctrl+r", "release", "Release", "release"),
+    *_key("s", "operate('start')", "Start", "start"),
+    *_key("p", "operate('pause')", "Pause", "pause"),
+    *_key("r", "operate('resume')", "Resume", "resume"),
+    *_key("h", "operate('home')", "Home", "home"),
+    *_key("g", "goto", "Go to", "goto"),
 )
 LOG_BINDINGS = (
-    *_on_main_screen("slash", "search_log", "Search", "search", sign="/"),
-    *_on_main_screen("l", "cycle_level", "Level", "level"),
-    *_on_main_screen("m", "cycle_module", "Module", "module"),
-    *_on_main_screen("t", "choose_topics", "Messages", "topics"),
-    *_on_main_screen("f", "follow_log", "Follow", "follow"),
-    *_on_main_screen("x", "clear_filter", "Clear filter", "clear", shown=False),
-    *_on_main_screen("c", "copy_line", "Copy line", "copy", shown=False),
-    *_on_main_screen("e", "export_log", "Export", "export", shown=False),
+    *_key("slash", "search_log", "Search", "search", sign="/"),
+    *_key("l", "cycle_level", "Level", "level"),
+    *_key("m", "cycle_module", "Module", "module"),
+    *_key("t", "choose_topics", "Messages", "topics"),
+    *_key("f", "follow_log", "Follow", "follow"),
+    *_key("x", "clear_filter", "Clear filter", "clear", shown=False),
+    *_key("c", "copy_line", "Copy line", "copy", shown=False),
+    *_key("e", "export_log", "Export", "export", shown=False),
 )
 GENERAL_BINDINGS = (
-    *_on_main_screen("question_mark", "help", "Help", "help", sign="?"),
-    *_on_main_screen("q", "leave", "Leave", "leave"),
+    *_key("question_mark", "help", "Help", "help", sign="?"),
+    *_key("q", "leave", "Leave", "leave"),
 )
-MAIN_SCREEN_ACTIONS = frozenset(
-    binding.action.partition("(")[0] for binding in (*OPERATION_BINDINGS, *LOG_BINDINGS, *GENERAL_BINDINGS)
-)
-
 # The help screen's sentence about each; the keys come from the tables above
 HELP: dict[str, str] = {
     "stop": "Stops the robot and latches the stop. Works everywhere, also F12, space and a click on the bar.",

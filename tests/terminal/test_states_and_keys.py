@@ -209,6 +209,29 @@ async def test_keys_that_come_at_once_go_to_the_dialog_that_the_first_of_them_op
 
 
 @piloted
+async def test_keys_that_come_at_once_take_effect_in_their_order(tmp_path: Path) -> None:
+    rig = Rig()
+    rig.sources, rig.resumed = {"operator"}, False
+    app = rig.app(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(rig, app, pilot)
+        burst(app, "slash", "a", "b", "backspace", "c", "left", "d")
+        await pilot.pause()
+        assert app.main.search.value == "adc"
+        burst(app, "escape")
+        await pilot.pause()
+        app.main.modules.focus()
+        await pilot.pause()
+        burst(app, "down", "down", "down", "m")
+        await pilot.pause()
+        assert app.main.filter.module == "mmu"
+        burst(app, "ctrl+r", *"no", "backspace", "backspace", *"release", "enter")
+        await pilot.pause()
+        await settle(rig, app, pilot)
+        assert rig.sources == set()
+
+
+@piloted
 async def test_a_burst_with_a_stop_in_it_stops(tmp_path: Path) -> None:
     rig = Rig()
     app = rig.app(tmp_path)

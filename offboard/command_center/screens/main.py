@@ -19,6 +19,7 @@ from offboard.command_center.log_book import LEVELS, LogBook, LogEntry, LogFilte
 from offboard.command_center.screens.guarded import Guarded
 from offboard.command_center.snapshot import FloorPicture, Snapshot
 from offboard.command_center.widgets.board_lines import BoardLines
+from offboard.command_center.widgets.field import Field
 from offboard.command_center.widgets.log_view import LogView
 from offboard.command_center.widgets.map_panel import MapPanel
 from offboard.command_center.widgets.module_table import ModuleTable
@@ -39,7 +40,7 @@ class MainScreen(Guarded, Screen[None]):
         self.boards = BoardLines()
         self.map = MapPanel()
         self.log_view = LogView(LogBook())
-        self.search = Input(placeholder="regular expression; enter keeps it, esc clears it", id="search")
+        self.search = Field(placeholder="regular expression; enter keeps it, esc clears it", id="search")
 
     def compose(self) -> ComposeResult:
         yield self.make_bar()

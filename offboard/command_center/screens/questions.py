@@ -17,6 +17,7 @@ from offboard.command_center.command_center import MESSAGE_TOPICS
 from offboard.command_center.places import UnknownPlace, find_place
 from offboard.command_center.screens.guarded import GuardedModal, T
 from offboard.command_center.snapshot import Finding, Snapshot
+from offboard.command_center.widgets.field import Field
 
 RELEASE_WORD = "release"
 _FINDINGS_SHOWN = 12
@@ -76,7 +77,7 @@ class ReleaseScreen(GuardedModal[bool]):
         self._hindrance = hindrance
         self._wrong_word = ""
         self._why_not = Static(markup=False, classes="warning")
-        self._word = Input(placeholder=RELEASE_WORD, id="word")
+        self._word = Field(placeholder=RELEASE_WORD, id="word")
 
     def content(self) -> ComposeResult:
         yield Static(
@@ -118,7 +119,7 @@ class GotoScreen(GuardedModal[tuple[float, float]]):
         self._findings = findings
         self._effect = Static(markup=False, classes="question")
         self._why_not = Static(markup=False, classes="warning")
-        self._place = Input(placeholder="door number, or X,Y in metres", id="place")
+        self._place = Field(placeholder="door number, or X,Y in metres", id="place")
 
     def content(self) -> ComposeResult:
         yield self._effect

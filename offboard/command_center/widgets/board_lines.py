@@ -11,6 +11,7 @@ from common.plain_text import plain
 from offboard.command_center.board_watch import BoardRow
 from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.module_table import age_text
+from offboard.command_center.widgets.robot_panel import WIDE_COLUMNS
 
 CLOCK_OFF_S = 0.5  # from here on logs of two computers cannot be read side by side
 HOT_C = 80.0  # boards throttle a little above
@@ -25,8 +26,11 @@ def _uptime(uptime_s: float) -> str:
     return f"{days:.0f} d {age_text(rest_s)}" if days else age_text(rest_s)
 
 
-def board_line(row: BoardRow) -> Text:
-    """Columns of fixed width, so that the lines of several boards make a table; odd values are marked."""
+def board_line(row: BoardRow, *, oddities: bool = False) -> Text:
+    """Columns of fixed width, so that the lines of several boards make a table; odd values are marked.
+
+    `oddities`: nothing but those; an empty text where there are none.
+    """
     state, old = row.state, _OLD if row.old else ""
     temperature = "–" if isnan(state.temperature_c) else f"{state.temperature_c:.0f} °C"
     # Label, value, width, and whether a person should look
@@ -38,6 +42,10 @@ def board_line(row: BoardRow) -> Text:
         ("free", f"{state.disk_free_mb / 1000:.1f} GB", 8, state.disk_free_mb < DISK_LOW_MB),
         ("clock", f"{row.clock_offset_s:+.1f} s", 0, abs(row.clock_offset_s) >= CLOCK_OFF_S),
     )
+    if oddities:
+        columns = tuple(column for column in columns if column[-1])
+        if not columns and not row.old:
+            return Text()
     line = Text()
     line.append(f"{plain(state.name, _NAME_WIDTH):<{_NAME_WIDTH}}", style=old or "bold")
     for label, value, width, odd in columns:
@@ -49,15 +57,17 @@ def board_line(row: BoardRow) -> Text:
 
 
 class BoardLines(Static):
-    """Takes no room before a computer has reported."""
+    """Takes no room before a computer has reported; on a narrow screen, where there is nothing to look at."""
 
     def __init__(self) -> None:
         super().__init__(id="boards", markup=False)
         self._shown = Text()
 
     def show(self, snapshot: Snapshot) -> None:
-        text = Text("\n", no_wrap=True, overflow="ellipsis").join(map(board_line, snapshot.boards))
+        oddities = self.app.size.width < WIDE_COLUMNS
+        lines = [line for row in snapshot.boards if (line := board_line(row, oddities=oddities))]
+        text = Text("\n", no_wrap=True, overflow="ellipsis").join(lines)
         if text != self._shown:
             self._shown = text
             self.update(text)
-        self.display = bool(snapshot.boards)
+        self.display = bool(lines)
