@@ -29,11 +29,11 @@ from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.operations import Answer
 from offboard.command_center.screens.guarded import Guarded, GuardedPalette
 from offboard.command_center.screens.main import MainScreen
-from offboard.command_center.software_stop import Demand
+from offboard.command_center.software_stop import Demand, StopControl
 from offboard.command_center.widgets.robot_panel import WIDE_COLUMNS
 
 PULL_PERIOD_S = 0.2
-BAR_PERIOD_S = 0.1  # while a demand is not confirmed: people watch the seconds
+BAR_PERIOD_S = 0.03  # while a demand is not confirmed: people watch the seconds
 MAP_PERIOD_S = 1.0
 ALERT_S = 30.0
 
@@ -84,6 +84,7 @@ class CommandCenterApp(OperatorActions, App[int]):
         self._stop = stop or threading.Event()
         self._reported_operation = 0
         self._alerts = Alerts()
+        self._control_shown = StopControl()
 
     def notify(
         self,
@@ -158,7 +159,10 @@ class CommandCenterApp(OperatorActions, App[int]):
             screen.stop_bar.show(self.node.snapshot(), self._robot)
 
     def _pull_bar_while_demanding(self) -> None:
-        if self.node.stop_desk.control.demand is not Demand.NONE:
+        """And once more when the robot has confirmed it: that is what somebody waits for."""
+        control = self.node.stop_desk.control
+        if control.demand is not Demand.NONE or control != self._control_shown:
+            self._control_shown = control
             self.pull_bar()
 
     def _pull_map(self) -> None:

@@ -72,7 +72,7 @@ class CommandCenter:
 
     name = "command_center"
     period_s = 0.05
-    wakes_on: tuple[Topic[Any], ...] = ()
+    wakes_on: tuple[Topic[Any], ...] = (PERMIT, CARRIER)  # what a stop is confirmed by
 
     def __init__(
         self,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -11,16 +13,18 @@ from statistics import median
 import pytest
 
 from common.clock import FreeClock
-from common.messages import CARRIER, LOG, PERMIT, LogLine
+from common.messages import CARRIER, LOG, PERMIT, STOP, LogLine
 from common.zenoh_bus import ZenohBus
 from offboard.command_center.operator_client import request_release
-from tests.system.conftest import Mesh, until
+from tests.system.conftest import ROOT, Mesh, environment, until
 from tests.system.test_command_center import Terminal
 
 pytestmark = pytest.mark.timeout(120)
 LINES_A_SECOND = 1000
 PRESSES = 9
 GOAL_S = 0.1  # on a quiet machine; asserted with room for a busy one
+ESTOPS = 5
+ESTOP_GOAL_S = 0.25
 WIDE = 5
 
 
@@ -71,3 +75,21 @@ def test_a_stop_is_confirmed_on_the_screen_while_the_log_is_flooded(mesh: Mesh) 
         operator.close()
     print(f"key to confirmation on the screen: median {1000 * median(taken_s):.0f} ms of {PRESSES}")
     assert median(taken_s) < WIDE * GOAL_S
+
+
+@pytest.mark.requirement("CC_MR_04")
+def test_an_estop_is_on_the_bus_soon_after_its_command(mesh: Mesh) -> None:
+    mesh.start_all()
+    arrived_s: list[float] = []
+    mesh.bus.subscribe(STOP, lambda _: arrived_s.append(time.monotonic()))
+    taken_s = []
+    command = [sys.executable, "-m", "deploy", "estop", "--config", str(mesh.config_file)]
+    for _ in range(ESTOPS):
+        arrived_s.clear()
+        began_s = time.monotonic()
+        with subprocess.Popen(command, env=environment(), cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+            until(lambda: arrived_s, 20.0, "the stop on the bus")
+            taken_s.append(arrived_s[0] - began_s)
+            assert process.wait(30.0) == 0
+    print(f"estop, from the command to the bus: median {1000 * median(taken_s):.0f} ms of {ESTOPS}")
+    assert median(taken_s) < WIDE * ESTOP_GOAL_S

@@ -25,7 +25,7 @@ _CLOCK = re.compile(r"\d\d:\d\d:\d\d")
 
 
 async def driving(rig: Rig, app: CommandCenterApp, pilot: Pilot[int]) -> None:
-    app.main.show_floor(rig.node.floor_picture())
+    """Nothing is open."""
 
 
 async def paused_and_in_trouble(rig: Rig, app: CommandCenterApp, pilot: Pilot[int]) -> None:
@@ -66,6 +66,7 @@ async def test_the_screen_is_as_it_was(scene: Scene, size: tuple[int, int], tmp_
         await settle(rig, app, pilot)
         await scene(rig, app, pilot)
         await settle(rig, app, pilot)
+        app.main.show_floor(rig.node.floor_picture())
         await pilot.pause()
         seen = "\n".join(_CLOCK.sub("HH:MM:SS", line) for line in screen_lines(app)) + "\n"
     file = FOLDER / f"{scene.__name__}_{size[0]}x{size[1]}.txt"

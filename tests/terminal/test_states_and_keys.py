@@ -232,6 +232,19 @@ async def test_keys_that_come_at_once_take_effect_in_their_order(tmp_path: Path)
 
 
 @piloted
+async def test_the_confirmation_of_a_stop_is_shown_by_the_fast_timer_of_the_bar(tmp_path: Path) -> None:
+    rig = Rig()
+    app = rig.app(tmp_path)
+    async with app.run_test(size=SIZE) as pilot:
+        await settle(rig, app, pilot)
+        await pilot.press("ctrl+e")
+        assert "SENT – NOT CONFIRMED" in bar(app)
+        rig.run(1.0)
+        app._pull_bar_while_demanding()
+        assert "LATCHED – robot confirmed in" in bar(app)
+
+
+@piloted
 async def test_a_burst_with_a_stop_in_it_stops(tmp_path: Path) -> None:
     rig = Rig()
     app = rig.app(tmp_path)

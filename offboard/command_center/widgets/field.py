@@ -16,9 +16,7 @@ class Field(Input):
     of queues: under load the characters that follow would overtake them.
     """
 
-    _ACTIONS: ClassVar[dict[str, str]] = {
-        binding.key: binding.action for binding in Binding.make_bindings(Input.BINDINGS)
-    }
+    _ACTIONS: ClassVar[dict[str, str]] = {key.key: key.action for key in Binding.make_bindings(Input.BINDINGS)}
 
     async def _on_key(self, event: events.Key) -> None:
         action = self._ACTIONS.get(event.key)
