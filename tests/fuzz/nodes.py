@@ -24,8 +24,9 @@ from common.node import Node
 from common.recording import Losses, RecordedMessage, RecordingSubscriber
 from common.zenoh_inbox import Decoder
 from offboard.command_center import log_book, mini_map
+from offboard.command_center.alerts import Alerts
 from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
-from offboard.command_center.widgets import module_table, robot_panel, stop_bar
+from offboard.command_center.widgets import module_table, robot_panel, stop_bar, trouble
 from offboard.recorder.recorder import Recorder
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.visualizer import Visualizer
@@ -278,7 +279,7 @@ def command_center(bus: WireBus) -> Stage:
     node = CommandCenter(lambda: now[0])
     book = log_book.LogBook(filter=log_book.LogFilter("DEBUG", topics=frozenset(t.key for t in MESSAGE_TOPICS)))
     node.show_messages(book.filter.topics)
-    count = 0
+    alerts, count = Alerts(), 0
 
     def beside(now_s: float) -> None:
         nonlocal count
@@ -290,10 +291,10 @@ def command_center(bus: WireBus) -> Stage:
         snapshot = node.snapshot()
         stop_bar.bar_text(snapshot)
         for row in snapshot.rows:
-            module_table.cells(row), module_table.explanation(row)
-        for make in (robot_panel.mission_lines, robot_panel.position_lines, robot_panel.drive_lines):
-            make(snapshot)
-        robot_panel.permit_line(snapshot)
+            module_table.cells(row)
+        trouble.trouble_text(snapshot.rows, "sim")
+        robot_panel.all_lines(snapshot, "http://127.0.0.1:8080/")
+        alerts.news(snapshot)
         if count % 20 == 0:
             mini_map.draw(node.floor_picture(), 60, 20)
 
