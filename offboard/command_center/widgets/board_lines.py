@@ -34,7 +34,7 @@ def board_line(row: BoardRow, *, oddities: bool = False) -> Text:
     state, old = row.state, _OLD if row.old else ""
     temperature = "–" if isnan(state.temperature_c) else f"{state.temperature_c:.0f} °C"
     # Label, value, width, and whether a person should look
-    columns = (
+    columns: tuple[tuple[str, str, int, bool], ...] = (
         ("release", plain(state.release, _RELEASE_WIDTH), _RELEASE_WIDTH, False),
         ("up", _uptime(state.uptime_s), 10, False),
         ("load", f"{state.load:.2f}", 5, False),
