@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from playwright.sync_api import WebSocketRoute, expect
 
+from common.messages import PLAN, Outcome, PlannerView
 from tests.browser.conftest import Robot, Visit
 
 pytestmark = pytest.mark.timeout(60)
@@ -48,6 +51,32 @@ def test_an_asterisk_opens_name_number_room_and_photo(robot: Robot, visit: Open,
     seen.page.keyboard.press("Escape")
     expect(dialog).to_be_hidden()
     seen.until(lambda: seen.page.evaluate("location.hash") == "", "the address without it")
+
+
+def test_the_mission_has_the_words_that_the_terminal_shows(robot: Robot, visit: Open) -> None:
+    robot.floor()
+    seen = visit(robot)
+    mission, motion = seen.page.locator("#mission-state"), seen.page.locator("#permit")
+    step = seen.page.locator("#phases [aria-current=step]")
+
+    def planned(**changes: Any) -> None:
+        nowhere = np.zeros((0, 2), np.float32)
+        view = PlannerView(0.0, "ROUTE", "driving to a side hall", nowhere, 3, 40.0)
+        robot.feed.take(PLAN, dataclasses.replace(view, **changes))
+        seen.until_live(robot)
+
+    planned()
+    expect(mission).to_have_text("Driving to a side hall")
+    expect(motion).to_have_text("May move")
+    expect(step).to_have_text("Explore")
+    planned(paused=True)
+    expect(mission).to_have_text("Paused while driving to a side hall")
+    expect(motion).to_have_text("Stands still: paused")
+    planned(mode="DONE", detail="arrived at the place", outcome=Outcome.ARRIVED)
+    expect(mission).to_have_text("Arrived at the place")
+    expect(seen.page.locator("#halls")).to_have_text("3 not visited")
+    expect(step).to_have_count(0)
+    expect(seen.page.locator("#phases .past")).to_have_count(0)
 
 
 def test_the_page_asks_nobody_but_its_own_server(robot: Robot, visit: Open) -> None:

@@ -263,6 +263,24 @@ def test_whole_chain_drives_turns_and_reports() -> None:
     assert rig.status.error_code == 0
 
 
+def test_driving_and_standing_by_turns_is_no_log_line_and_a_stop_is_one(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    rig = driving_rig()
+
+    def lines() -> list[str]:
+        return [record.getMessage() for record in caplog.records if record.getMessage().startswith("car state=")]
+
+    before = lines()
+    for number in range(2, 8):
+        rig.drive(number, Speed.STOP if number % 2 == 0 else Speed.MEDIUM)
+        rig.run(1.5)
+    assert {CarrierState.READY, CarrierState.MOVING} & {rig.carrier.state}
+    assert lines() == before
+    rig.stop()
+    rig.run(1.0)
+    assert lines()[-1].startswith("car state=STOPPED")
+
+
 def test_reports_reach_the_mesh_ten_times_a_second() -> None:
     rig = driving_rig()
     topics = (ODOMETRY, RANGES, DISTANCES, STATUS["sim"], STATUS["bridge"])
