@@ -1,4 +1,4 @@
-"""The run as a ROS 2 bag: what navigation and RViz know, in the types and frames of ROS (REP 103, 105).
+"""The run as a ROS 2 bag, stored as MCAP: what navigation and RViz know, in ROS's own types and frames (REP 103, 105).
 
 `map` is the map's frame, `base_link` the robot, `sonar_*` its sonars, whose ranges count from the robot's centre.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from common.constants import SONAR_BEARINGS_RAD, SONAR_MAX_M, SONAR_NAMES, SONAR_RANGE_MIN_M
@@ -43,7 +43,7 @@ Sent = tuple[str, Any]
 
 
 def write_bag(run_dir: Path, folder: Path) -> None:
-    with RunReader(run_dir) as run, Writer(folder, version=9) as writer:
+    with RunReader(run_dir) as run, Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         time, bag = RunTime(run), _Bag(writer)
         last_ns: int | None = None
         for message in run.display_data():

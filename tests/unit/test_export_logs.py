@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
+from mcap_ros2.decoder import DecoderFactory as Ros2Decoder
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -186,6 +187,22 @@ def test_a_ros_bag_holds_map_poses_sonars_and_doors_for_rosbags(recorded_run: Pa
     assert newest["/range/front"].range == np.inf
     assert newest["/doors"].markers[1].text.startswith("102")
     assert newest["/pose"].header.frame_id == newest["/tf"].transforms[0].header.frame_id == "map"
+
+
+def test_another_decoder_reads_the_same_from_the_bag(recorded_run: Path, tmp_path: Path) -> None:
+    (folder,) = export(recorded_run, tmp_path, ["bag"])
+    (file,) = folder.glob("*.mcap")
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[Ros2Decoder()])
+        newest = {channel.topic: content for _, channel, _, content in reader.iter_decoded_messages()}
+    with RunReader(recorded_run) as run:
+        pose = run.latest(POSE)
+        assert pose is not None
+    assert newest["/pose"].pose.pose.position.x == pytest.approx(pose.payload.x_m)
+    assert newest["/tf"].transforms[0].child_frame_id == "base_link"
+    assert {newest["/range/left"].range, newest["/range/front"].range} == {1.0, np.inf}
+    assert [marker.text for marker in newest["/doors"].markers] == ["", "102 Office"]
+    assert newest["/map"].info.resolution == pytest.approx(0.05)
 
 
 def test_a_second_export_replaces_the_bag_of_the_first(recorded_run: Path, tmp_path: Path) -> None:
