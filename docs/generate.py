@@ -222,7 +222,7 @@ def mission_diagram() -> str:
 def exports() -> str:
     """Every format that a run can be exported in."""
     rows = [(f"`{name}`", entry.title, "yes" if entry.live else "") for name, entry in EXPORTS.items()]
-    return _table("format | what | on the page too", rows)
+    return _table("format | what | of the map of now, on the page", rows)
 
 
 def modules() -> str:

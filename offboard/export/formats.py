@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
+from shutil import make_archive
+from tempfile import TemporaryDirectory
 
 from common.errors import StartError
 from offboard.export.title import TitleBlock
@@ -162,6 +164,13 @@ def _geojson(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
     return [to / "map.geojson"]
 
 
+def _geojson_without_halls(data: MapData, block: TitleBlock) -> bytes:
+    """The map of now has no free space, which halls are found in."""
+    from offboard.export.geojson import as_geojson
+
+    return as_geojson(data, (), block)
+
+
 def _tables(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
     from offboard.export.halls import spaces_of_run
     from offboard.export.tables import areas_table, doors_table
@@ -206,7 +215,11 @@ EXPORTS: dict[str, ExportFormat] = {
         LiveExport("image/vnd.dxf", _dxf),
         needs=("ezdxf",),
     ),
-    "geojson": ExportFormat("walls, doors, halls with OpenStreetMap's indoor tags", _geojson),
+    "geojson": ExportFormat(
+        "walls, doors, halls with OpenStreetMap's indoor tags",
+        _geojson,
+        LiveExport("application/geo+json", _geojson_without_halls),
+    ),
     "tables": ExportFormat("doors.csv, and areas.csv with the area of every hall", _tables),
     "csv": ExportFormat("wall points in metres", _copies(MAP_POINTS_NAME), LiveExport("text/csv", _points)),
     "tum": ExportFormat("path, as estimated at the time and in the end; in simulation the true one", _trajectories),
@@ -258,17 +271,39 @@ def title(run_dir: Path, block: TitleBlock | None = None) -> TitleBlock:
     return replace(block, date=f"{dates[0]:%Y-%m-%d %H:%M}") if dates else block
 
 
+def as_one_file(run_dir: Path, name: str, block: TitleBlock) -> tuple[str, bytes]:
+    """Name and content of what a format makes of a run, for the page; several files are one archive.
+
+    Raises as `export`.
+    """
+    with TemporaryDirectory() as folder:
+        files = export(run_dir, Path(folder) / name, [name], block)
+        if len(files) == 1 and files[0].is_file():
+            return files[0].name, files[0].read_bytes()
+        return f"{name}.zip", Path(make_archive(str(Path(folder) / "all"), "zip", Path(folder) / name)).read_bytes()
+
+
+def formats_of(run_dir: Path) -> list[str]:
+    """Those that can be made of a run here."""
+    there = files_of_run(run_dir)
+    return [name for name in EXPORTS if not _obstacle(name, there)]
+
+
 def _possible(there: Sequence[str]) -> list[str]:
-    """All formats but those that lack a package, or the run database, with a line in the log for each."""
-    possible = []
-    for name, entry in EXPORTS.items():
-        if missing := entry.missing():
-            _log.warning("%s", _advice(name, missing))
-        elif entry.of_messages and DATABASE_NAME not in there:
-            _log.warning("The run has no %s, which the format '%s' is made from.", DATABASE_NAME, name)
-        else:
-            possible.append(name)
-    return possible
+    """Those that can be made, with a line in the log for each other one."""
+    obstacles = {name: _obstacle(name, there) for name in EXPORTS}
+    for obstacle in filter(None, obstacles.values()):
+        _log.warning("%s", obstacle)
+    return [name for name, obstacle in obstacles.items() if not obstacle]
+
+
+def _obstacle(name: str, there: Sequence[str]) -> str:
+    """Why a run with these files cannot be made into a format here; empty where it can."""
+    if missing := EXPORTS[name].missing():
+        return _advice(name, missing)
+    if EXPORTS[name].of_messages and DATABASE_NAME not in there:
+        return f"The run has no {DATABASE_NAME}, which the format '{name}' is made from."
+    return ""
 
 
 def _advice(name: str, missing: Sequence[str]) -> str:

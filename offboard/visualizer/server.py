@@ -29,10 +29,10 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from common.errors import StartError
+from common.errors import StartError, sentence
 from offboard.visualizer import protocol
 from offboard.visualizer.connections import CONNECTIONS_MAX, BoundedProtocol, keep_log_brief
-from offboard.visualizer.exports import LIVE_EXPORTS, Exports, attachment
+from offboard.visualizer.exports import Exports, attachment
 from offboard.visualizer.feed import Feed, Held
 from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
 
@@ -195,12 +195,14 @@ class PageServer:
 
     async def _export(self, request: Request) -> Response:
         form = request.path_params["form"]
-        if form not in LIVE_EXPORTS:
-            return PlainTextResponse(f"No export as {form}; choose from {', '.join(LIVE_EXPORTS)}.", 404)
-        file_name = f"{self._robot}-map.{form}"
-        return _Pieces(
-            await self._exports.get(form), LIVE_EXPORTS[form].media_type, {"Content-Disposition": attachment(file_name)}
-        )
+        if form not in self._exports.offered:
+            return PlainTextResponse(f"No export as {form}; choose from {', '.join(self._exports.offered)}.", 404)
+        try:
+            file = await self._exports.get(form)
+        except (StartError, OSError) as error:
+            return PlainTextResponse(sentence(error), 500)
+        disposition = {"Content-Disposition": attachment(f"{self._robot}-{file.name}")}
+        return _Pieces(file.content, file.media_type, disposition)
 
     def _refused(self, request: Request) -> Response:
         """Why the socket of a page of that origin is refused: a browser does not let the page read it from there."""
@@ -224,7 +226,7 @@ class PageServer:
         news = asyncio.Event()
         self._waiting.add(news)
         self.pages += 1
-        hello = protocol.hello(self._robot, tuple(LIVE_EXPORTS), self._feed.model_id, self._feed.run)
+        hello = protocol.hello(self._robot, self._exports.offered, self._feed.model_id, self._feed.run)
         outbound = Outbound(self._feed.client(_held(page)), hello)
         try:
             sender = asyncio.ensure_future(self._send(page, outbound, news))

@@ -103,7 +103,7 @@ def test_wall_points_are_exported_as_they_are(server: PageServer) -> None:
 
 def test_an_unknown_export_says_which_there_are(server: PageServer) -> None:
     status, _, body = get(server, "export/map.dwg")
-    assert (status, body.decode()) == (404, "No export as dwg; choose from pdf, svg, png, dxf, csv.")
+    assert (status, body.decode()) == (404, "No export as dwg; choose from pdf, svg, png, dxf, geojson, csv.")
 
 
 def test_photos_are_given_by_number(server: PageServer) -> None:
@@ -310,7 +310,7 @@ def test_a_page_is_told_at_once_and_then_what_is_new(server: PageServer, feed: F
     with live(server) as page:
         hello, _ = page.next(5.0)
         assert (hello["channel"], hello["robot"]) == ("hello", "robot7")
-        assert [offer["form"] for offer in hello["exports"]] == ["pdf", "svg", "png", "dxf", "csv"]
+        assert [offer["form"] for offer in hello["exports"]] == ["pdf", "svg", "png", "dxf", "geojson", "csv"]
         until(lambda: server.pages == 1)
         feed.take(POSE, PoseEstimate(0.0, 3.0, 0.0, 0.0, 0.0, 0.1, 0.1, 1))
         assert page.of_channel("pose")[0]["x_m"] == 3.0
