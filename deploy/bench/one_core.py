@@ -32,8 +32,8 @@ from deploy.bench.order import Order
 from deploy.bench.process_cost import threads
 from deploy.bench.waiting import BenchFailed
 from deploy.boards.units import niceness
-from offboard.command_center.operator_client import operate, press_stop, request_release
-from offboard.command_center.software_stop import Demand
+from offboard.operate.operator_client import operate, press_stop, request_release
+from offboard.operate.software_stop import Demand
 from offboard.simulator.run.process import MOTORS_NAME
 
 # Not 20: the kernel keeps a twentieth of each second for processes of the usual priority, and gives it in one piece

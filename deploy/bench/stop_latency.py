@@ -26,9 +26,9 @@ from deploy.bench.waiting import BenchFailed, until
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import program_of
 from deploy.local.supervisor import Supervisor
-from offboard.command_center.operations import Answer
-from offboard.command_center.operator_client import operate, press_stop, request_release
-from offboard.command_center.software_stop import Demand
+from offboard.operate.operations import Answer
+from offboard.operate.operator_client import operate, press_stop, request_release
+from offboard.operate.software_stop import Demand
 from offboard.simulator.run.options import floor_path
 from offboard.simulator.run.process import MOTORS_NAME
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record

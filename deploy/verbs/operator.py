@@ -17,10 +17,10 @@ from common.errors import StartError
 from common.messages import CARRIER, PERMIT, PLAN, Operation
 from common.mission_state import hindrance
 from common.zenoh_bus import ZenohBus
-from offboard.command_center import operations, software_stop
-from offboard.command_center.operations import Answer
-from offboard.command_center.operator_client import operate, press_stop, request_release, wait_until
-from offboard.command_center.software_stop import Demand, StopControl
+from offboard.operate import operations, software_stop
+from offboard.operate.operations import Answer
+from offboard.operate.operator_client import operate, press_stop, request_release, wait_until
+from offboard.operate.software_stop import Demand, StopControl
 
 LINK_TIMEOUT_S = 2.0
 

@@ -22,7 +22,7 @@ from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.log_history import logged_before
 from offboard.command_center.places import findings_of_run, run_folder_of
-from offboard.command_center.stop_desk import StopSender
+from offboard.operate.stop_desk import StopSender
 
 NO_TERMINAL = (
     "command_center: It needs a terminal; without one there are estop, release, start, pause, resume, home and goto.\n"

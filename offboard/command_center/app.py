@@ -26,11 +26,11 @@ from offboard.command_center.bindings import (
     STOP_BINDINGS,
 )
 from offboard.command_center.command_center import CommandCenter
-from offboard.command_center.operations import Answer
 from offboard.command_center.screens.guarded import Guarded, GuardedPalette
 from offboard.command_center.screens.main import MainScreen
-from offboard.command_center.software_stop import Demand, StopControl
 from offboard.command_center.widgets.robot_panel import WIDE_COLUMNS
+from offboard.operate.operations import Answer
+from offboard.operate.software_stop import Demand, StopControl
 
 PULL_PERIOD_S = 0.2
 BAR_PERIOD_S = 0.03  # while a demand is not confirmed: people watch the seconds

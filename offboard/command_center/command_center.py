@@ -41,14 +41,14 @@ from common.messages import (
     Trajectory,
 )
 from common.status import StatusReporter
-from offboard.command_center import operations
 from offboard.command_center.board_watch import BoardRow, board_row
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry
 from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
-from offboard.command_center.operations import Answer, PendingOperation
 from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
-from offboard.command_center.software_stop import look, robot_report
-from offboard.command_center.stop_desk import StopDesk
+from offboard.operate import operations
+from offboard.operate.operations import Answer, PendingOperation
+from offboard.operate.software_stop import look, robot_report
+from offboard.operate.stop_desk import StopDesk
 from offboard.runs.map_assembly import MapAssembly
 
 LOG_WAITING_MAX = 5000  # entries kept for a screen that is slow to fetch them

@@ -11,8 +11,8 @@ from common.messages import CarrierReport, Permit, PlannerView, PoseEstimate
 from common.mission_state import MissionState, mission_state
 from offboard.command_center.board_watch import BoardRow
 from offboard.command_center.module_watch import ModuleRow
-from offboard.command_center.operations import Answer
-from offboard.command_center.software_stop import Look, RobotReport, StopControl, look
+from offboard.operate.operations import Answer
+from offboard.operate.software_stop import Look, RobotReport, StopControl, look
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,7 +93,7 @@ ROOMS = {
         *("error_profiles", "stopwatch"),  # modules: every room draws its errors from it, and is on its accounts
     ),
     "offboard": (
-        *(".", "simulator", "command_center", "visualizer", "recorder"),
+        *(".", "simulator", "command_center", "visualizer", "recorder", "operate"),
         *("replay", "evaluate", "export", "runs"),
     ),
 }

@@ -11,7 +11,7 @@ from common.zenoh_bus import ZenohBus
 from common.zenoh_session import Mode
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.module_watch import Freshness
-from offboard.command_center.stop_desk import StopSender
+from offboard.operate.stop_desk import StopSender
 
 
 class Center:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 from common.messages import Operation
-from offboard.command_center.operations import Answer
-from offboard.command_center.software_stop import Demand, Look
+from offboard.operate.operations import Answer
+from offboard.operate.software_stop import Demand, Look
 from tests.system.center import Center
 from tests.system.conftest import until
 from tests.system.motors import MotorLog

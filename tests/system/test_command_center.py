@@ -23,8 +23,8 @@ from common.errors import StartError
 from common.messages import AT_ONCE, CARRIER, ODOMETRY, STATUS, TOPICS, Operation, QosProfile, Status, Topic
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import refuse_second_mesh
-from offboard.command_center.operations import Answer
-from offboard.command_center.software_stop import Look
+from offboard.operate.operations import Answer
+from offboard.operate.software_stop import Look
 from tests.system.center import Center
 from tests.system.conftest import ROOT, Mesh, children_of, environment, local_run, run_cli, until
 

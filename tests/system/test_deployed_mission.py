@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from common.messages import Outcome
-from offboard.command_center.software_stop import Look
 from offboard.evaluate.figures import evaluate
+from offboard.operate.software_stop import Look
 from offboard.runs.run_database import RunReader
 from tests.system.conftest import until
 from tests.system.deployed_robot import FLOOR, DeployedRobot, deployed_robot

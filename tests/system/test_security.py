@@ -39,8 +39,8 @@ from common.messages import (
 from common.reply_budget import BURST_BYTES, RATE_BYTES_S
 from common.zenoh_session import Channel, direct, session_config
 from offboard.command_center.log_book import LogEntry
-from offboard.command_center.operations import Answer
-from offboard.command_center.software_stop import SOURCE
+from offboard.operate.operations import Answer
+from offboard.operate.software_stop import SOURCE
 from offboard.runs.run_database import RunReader
 from tests.system.center import Center
 from tests.system.conftest import Mesh, free_endpoint, until

@@ -19,9 +19,9 @@ from common.clock import FREE_LEASE_S
 from common.config import CommSection, config_text
 from common.messages import DRIVE, STATUS, STOP, Operation, Speed, Status, StopRequest
 from deploy.bench.relay import Relay
-from offboard.command_center.operations import Answer
-from offboard.command_center.software_stop import SOURCE, Demand, Look
 from offboard.command_center.widgets.stop_bar import bar_text
+from offboard.operate.operations import Answer
+from offboard.operate.software_stop import SOURCE, Demand, Look
 from onboard.comm.stop_owner import LOST_RECORD, RESTART
 from onboard.comm.stop_record import RECORD_NAME, read_record, write_record
 from tests.system.center import Center

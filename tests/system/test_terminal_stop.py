@@ -15,7 +15,7 @@ import pytest
 from common.clock import FreeClock
 from common.messages import CARRIER, LOG, PERMIT, STOP, LogLine
 from common.zenoh_bus import ZenohBus
-from offboard.command_center.operator_client import request_release
+from offboard.operate.operator_client import request_release
 from tests.system.conftest import ROOT, Mesh, environment, until
 from tests.system.test_command_center import Terminal
 

@@ -17,7 +17,7 @@ from common.modules import MODULES
 from offboard.command_center.actions import END_MESH, KEEP_MESH
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.screens.guarded import Guarded
-from offboard.command_center.software_stop import Look
+from offboard.operate.software_stop import Look
 from tests.terminal.rig import EPOCH_S, Rig, piloted
 
 SIZE = (150, 40)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from common.messages import Permit
 from offboard.command_center.snapshot import Snapshot
-from offboard.command_center.software_stop import (
+from offboard.command_center.widgets.stop_bar import bar_text
+from offboard.operate.software_stop import (
     LINK_LOST_S,
     RELEASE_TIMEOUT_S,
     SOURCE,
@@ -26,7 +27,6 @@ from offboard.command_center.software_stop import (
     request,
     updated,
 )
-from offboard.command_center.widgets.stop_bar import bar_text
 
 GRANTED = Permit(0.0, True, "", stop_epoch=4)
 LATCHED = Permit(0.0, False, "stopped by operator", (SOURCE,), stop_epoch=5, stop_ids=(7,), resumed=False)

@@ -12,7 +12,7 @@ from textual.widgets import Static
 
 from offboard.command_center.bindings import STOP_KEYS
 from offboard.command_center.snapshot import Snapshot
-from offboard.command_center.software_stop import Demand, Look
+from offboard.operate.software_stop import Demand, Look
 
 RED_BUTTON = "use the red button on the robot"
 

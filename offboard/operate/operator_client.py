@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 from common.bus import Bus
 from common.messages import OPERATION, PERMIT, PLAN, STOP, Operation
-from offboard.command_center import operations, software_stop
-from offboard.command_center.operations import Answer, PendingOperation
-from offboard.command_center.software_stop import Demand, StopControl
+from offboard.operate import operations, software_stop
+from offboard.operate.operations import Answer, PendingOperation
+from offboard.operate.software_stop import Demand, StopControl
 
 CONFIRM_TIMEOUT_S = 5.0
 _POLL_S = 0.01

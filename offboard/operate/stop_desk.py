@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from common.bus import Bus
 from common.messages import STOP
-from offboard.command_center.software_stop import (
+from offboard.operate.software_stop import (
     REPEAT_S,
     Demand,
     RobotReport,
