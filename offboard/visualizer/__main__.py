@@ -7,10 +7,13 @@ import logging
 import sys
 from pathlib import Path
 
+from common.clock import FreeClock
 from common.config import Config
 from common.process import argument_parser, run
+from common.zenoh_bus import ZenohBus
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import ShownRun
+from offboard.visualizer.operator import BusOperator
 from offboard.visualizer.poi_store import RunFolderPois
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer
@@ -20,7 +23,8 @@ def make_visualizer(config: Config, arguments: argparse.Namespace) -> Visualizer
     run_dir: Path | None = arguments.run_dir
     feed = Feed() if run_dir is None else Feed(RunFolderPois(run_dir), run=ShownRun(str(run_dir)))
     section = config.visualizer
-    server = PageServer(feed, section.host, section.port, config.robot.name, section.names)
+    operator = BusOperator(lambda: ZenohBus("command_center", config, FreeClock(), "client"), feed.take_operator)
+    server = PageServer(feed, section.host, section.port, config.robot.name, section.names, operator)
     logging.getLogger("visualizer").info("page address=%s", server.address)
     return Visualizer(feed, server)
 

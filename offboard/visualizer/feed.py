@@ -18,6 +18,7 @@ from common.messages import Status, Topic
 from offboard.runs.run_folder import MapData
 from offboard.visualizer import protocol
 from offboard.visualizer.live_model import NO_RUN, LiveModel, ShownRun
+from offboard.visualizer.operator import OperatorView
 from offboard.visualizer.poi_store import NoPois, PoiRecord, PoiStore
 
 
@@ -44,6 +45,11 @@ class Feed:
         # Statuses are sent with the heartbeat of the page: a hundred a second need not wake the server
         if not isinstance(message, Status):
             self.on_change()
+
+    def take_operator(self, view: OperatorView) -> None:
+        with self._lock:
+            self._model.take_operator(view)
+        self.on_change()
 
     def refresh_pois(self) -> None:
         """Take in what the recorder has kept since the last call."""

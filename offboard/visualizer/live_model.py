@@ -40,6 +40,7 @@ from common.mission_state import mission_state
 from common.modules import ON_ROBOT
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor
+from offboard.visualizer.operator import OperatorView
 from offboard.visualizer.poi_store import PoiRecord, record_of
 
 TRAIL_STEP_M = 0.05
@@ -71,6 +72,7 @@ class LiveModel:
         self.pose: PoseEstimate | None = None
         self.plan: PlannerView | None = None
         self.permit: Permit | None = None
+        self.operator: OperatorView | None = None
         self.grid: GridUpdate | None = None
         self.statuses: dict[str, Status] = {}
         self.pois: dict[int, PoiRecord] = {}
@@ -105,6 +107,9 @@ class LiveModel:
         if topic is POSE:
             self.arrived_s["pose"] = arrived_s
         self._takers[topic.key](message)
+
+    def take_operator(self, view: OperatorView) -> None:
+        self._replace("operator", view)
 
     def take_stored(self, records: Iterable[PoiRecord]) -> None:
         """Points of interest as the recorder has kept them; what came live and is newer stays."""

@@ -8,14 +8,14 @@ is large, each channel in its turn.
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Iterator
-from math import inf, isfinite
+from math import inf
 
 from offboard.visualizer import protocol
 from offboard.visualizer.feed import Client
 from offboard.visualizer.protocol import PIECE_BYTES, PageMessage
+from offboard.visualizer.requests import BadRequest, Confirmation
 
 WINDOW_BYTES = 12_000  # 0.6 s of a link of 20 kB/s; over 300 ms there and back still 40 kB/s
 HEARTBEAT_PERIOD_S = 0.2
@@ -36,19 +36,14 @@ class Outbound:
         self._pieces: dict[str, deque[bytes]] = {}  # of a message that has begun, by channel
         self._turn = 0
 
-    def confirm(self, text: str) -> None:
-        """A page's message: how many bytes it has received, and when it wrote that. Raises ValueError."""
-        message = json.loads(text)
-        if not isinstance(message, dict):
-            raise ValueError("no confirmation")
-        received, at_s = message.get("received"), message.get("at")
-        if type(received) is not int or not self._received_bytes <= received <= self._sent_bytes:
-            raise ValueError("more than was sent, or less than before")
-        if not isinstance(at_s, int | float) or not isfinite(at_s):
-            raise ValueError("no time")
+    def confirm(self, confirmation: Confirmation) -> None:
+        """Raises BadRequest where it cannot be true."""
+        received_bytes = confirmation.received_bytes
+        if not self._received_bytes <= received_bytes <= self._sent_bytes:
+            raise BadRequest("more than was sent, or less than before")
         if self._echo is None:
             self._heartbeat_s = -inf  # the page's first: it waits to learn how old everything is
-        self._received_bytes, self._echo = received, (float(at_s), self._client.now_s())
+        self._received_bytes, self._echo = received_bytes, (confirmation.at_s, self._client.now_s())
 
     def next(self) -> PageMessage | None:
         """None while nothing is new, or too much is under way."""

@@ -56,10 +56,14 @@ def binary_message(channel: str, *body: bytes | memoryview, **values: Any) -> by
     return b"".join((len(head).to_bytes(4, "little"), head, *body))
 
 
-def hello(robot: str, exports: Iterable[str], model_id: str, run: ShownRun) -> PageMessage:
-    """The first message of a connection; `exports` are those that the page offers."""
+def hello(robot: str, exports: Iterable[str], model_id: str, run: ShownRun, token: str) -> PageMessage:
+    """The first message of a connection; `exports` are those that the page offers.
+
+    `token`: with which it may order something; empty where it may only look, and stop.
+    """
     offered = [{"form": form, "title": EXPORTS[form].title} for form in exports]
-    return text_message("hello", robot=robot, exports=offered, model=model_id, run=run.name, recorded=run.recorded)
+    names = {"robot": robot, "run": run.name, "recorded": run.recorded}
+    return text_message("hello", **names, exports=offered, model=model_id, token=token)
 
 
 def heartbeat(model: LiveModel, now_s: float, skipped: int, echo: tuple[float, float] | None) -> PageMessage:
@@ -170,6 +174,11 @@ def _mission(model: LiveModel) -> PageMessage:
     return text_message("mission", text=state.text, stage=state.stage.value, standing=state.standing, halls=state.halls)
 
 
+def _operator(model: LiveModel) -> PageMessage:
+    assert model.operator is not None
+    return text_message("operator", **dataclasses.asdict(model.operator))
+
+
 def _pois(model: LiveModel) -> PageMessage:
     return text_message("pois", pois=[dataclasses.asdict(record) for record in model.pois.values()])
 
@@ -181,10 +190,11 @@ def _module_list(model: LiveModel) -> PageMessage:
 _MAKERS: dict[str, Callable[[LiveModel], PageMessage]] = {
     "pose": _pose,
     "mission": _mission,
+    "operator": _operator,
     "plan": _plan,
     "modules": _module_list,
     "pois": _pois,
     "trail": _trail,
     "grid": _grid,
 }
-_URGENT = ("pose", "mission")
+_URGENT = ("pose", "mission", "operator")

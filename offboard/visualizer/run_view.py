@@ -45,7 +45,7 @@ from offboard.visualizer.poi_store import RunFolderPois
 from offboard.visualizer.server import PageServer
 
 _POLL_S = 0.2
-_LAST: tuple[Topic[Any], ...] = (PLAN, PERMIT, *STATUS.values())
+_LAST: tuple[Topic[Any], ...] = (POSE, PLAN, PERMIT, *STATUS.values())
 
 _log = logging.getLogger("view")
 
@@ -56,9 +56,9 @@ def feed_of_run(run_dir: Path) -> Feed:
         raise RunFolderError(f"There is no recorded run at {run_dir}; `indoor-mapping runs` lists the runs.")
     clock = _RunClock()
     feed = Feed(RunFolderPois(run_dir), clock, ShownRun(str(run_dir), _when(read_run(run_dir))))
+    _take_files(feed, run_dir)
     if (run_dir / DATABASE_NAME).exists():
         _take_last_messages(feed, clock, run_dir)
-    _take_files(feed, run_dir)
     return feed
 
 

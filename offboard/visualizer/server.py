@@ -1,12 +1,13 @@
 """The web server: `Feed` -> the page, its WebSocket, photos, exports. In a thread of its own; the node only feeds.
 
-Nothing here is sent to the robot: the page looks, the command center commands.
+What a page orders goes to the `Operator`; a page on another machine may look and stop, and nothing else.
 """
 
 from __future__ import annotations
 
 import asyncio
 import re
+import secrets
 import socket
 import threading
 from base64 import b64encode
@@ -34,7 +35,9 @@ from offboard.visualizer import protocol
 from offboard.visualizer.connections import CONNECTIONS_MAX, BoundedProtocol, keep_log_brief
 from offboard.visualizer.exports import Exports, attachment
 from offboard.visualizer.feed import Feed, Held
+from offboard.visualizer.operator import NoOperator, Operator
 from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
+from offboard.visualizer.requests import BadRequest, Confirmation, parse
 
 PAGE = Path(__file__).with_name("page")
 PAGES_MAX = 32  # the other connections are for files, photos and exports
@@ -103,8 +106,18 @@ class PageServer:
     Raises StartError when it cannot listen. Port 0 takes any free one.
     """
 
-    def __init__(self, feed: Feed, host: str, port: int, robot: str = "robot", names: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        feed: Feed,
+        host: str,
+        port: int,
+        robot: str = "robot",
+        names: Sequence[str] = (),
+        operator: Operator | None = None,
+    ) -> None:
         """`names`: further host names under which browsers may request the page."""
+        self._operator = operator or NoOperator()
+        self._token = secrets.token_urlsafe(16)
         keep_log_brief()
         self._feed = feed
         self._exports = Exports(feed)
@@ -141,11 +154,13 @@ class PageServer:
 
     def start(self) -> None:
         self._feed.on_change = self._wake
+        self._operator.open()
         self._thread.start()
         self._ready.wait(_START_TIMEOUT_S)
 
     def close(self) -> None:
         self._feed.on_change = lambda: None
+        self._operator.close()
         self._server.should_exit = True
         if self._thread.is_alive():
             self._wake()
@@ -226,11 +241,12 @@ class PageServer:
         news = asyncio.Event()
         self._waiting.add(news)
         self.pages += 1
-        hello = protocol.hello(self._robot, self._exports.offered, self._feed.model_id, self._feed.run)
+        token = self._token if page.client is not None and _is_own(page.client.host) else ""
+        hello = protocol.hello(self._robot, self._exports.offered, self._feed.model_id, self._feed.run, token)
         outbound = Outbound(self._feed.client(_held(page)), hello)
         try:
             sender = asyncio.ensure_future(self._send(page, outbound, news))
-            listener = asyncio.ensure_future(_listen_to(page, outbound, news))
+            listener = asyncio.ensure_future(self._listen_to(page, outbound, news, token))
             done, pending = await asyncio.wait({sender, listener}, return_when=asyncio.FIRST_COMPLETED)
             for task in pending:
                 task.cancel()
@@ -242,6 +258,22 @@ class PageServer:
         finally:
             self.pages -= 1
             self._waiting.discard(news)
+
+    async def _listen_to(self, page: WebSocket, outbound: Outbound, news: asyncio.Event, token: str) -> None:
+        """Takes confirmations and orders until the page leaves, or sends something else."""
+        while (event := await page.receive())["type"] != "websocket.disconnect":
+            try:
+                request = parse(event.get("text") or "", token)
+                if isinstance(request, Confirmation):
+                    outbound.confirm(request)
+                elif request.operation is None:
+                    self._operator.stop()
+                else:
+                    self._operator.operate(request.operation, request.x_m, request.y_m)
+            except BadRequest:
+                await page.close(1008)
+                return
+            news.set()
 
     async def _send(self, page: WebSocket, outbound: Outbound, news: asyncio.Event) -> None:
         """Sends what is new as fast as the page confirms it."""
@@ -269,17 +301,6 @@ async def _send_message(page: WebSocket, message: protocol.PageMessage) -> None:
         await page.send_bytes(message)
 
 
-async def _listen_to(page: WebSocket, outbound: Outbound, news: asyncio.Event) -> None:
-    """Takes confirmations until the page leaves, or sends something else."""
-    while (event := await page.receive())["type"] != "websocket.disconnect":
-        try:
-            outbound.confirm(event.get("text") or "")
-        except (ValueError, RecursionError):
-            await page.close(1008)
-            return
-        news.set()
-
-
 def _held(page: WebSocket) -> Held | None:
     """What a page that comes back has of the map, as it says in its address."""
     found = re.fullmatch(r"(\w{1,32}),([0-9]{1,9}),([0-9]{1,9})", page.query_params.get("held", ""), re.ASCII)
@@ -300,6 +321,14 @@ def _listen(host: str, port: int) -> socket.socket:
             "or set another [visualizer] port in robot.toml."
         ) from error
     return listener
+
+
+def _is_own(address: str) -> bool:
+    """Whether a browser at that address runs on this machine."""
+    try:
+        return ip_address(address).is_loopback
+    except ValueError:
+        return False
 
 
 def _is_address(host: str) -> bool:

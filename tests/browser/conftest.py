@@ -19,6 +19,7 @@ from common.constants import MAP_DENSITY_PER_M
 from common.messages import MAP, PERMIT, POI, POSE, MapUpdate, Permit, PointOfInterest, PoseEstimate
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import NO_RUN, ShownRun
+from offboard.visualizer.operator import Operator
 from offboard.visualizer.server import PageServer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -50,10 +51,10 @@ def photo(colour: str = "#7a5a3a") -> bytes:
 class Robot:
     """Says by hand what a robot says. `late_s` moves the server's clock on."""
 
-    def __init__(self, port: int = 0, run: ShownRun = NO_RUN) -> None:
+    def __init__(self, port: int = 0, run: ShownRun = NO_RUN, operator: Operator | None = None) -> None:
         self.late_s = 0.0
         self.feed = Feed(clock=lambda: time.monotonic() + self.late_s, run=run)
-        self.server = PageServer(self.feed, "127.0.0.1", port, "robot1")
+        self.server = PageServer(self.feed, "127.0.0.1", port, "robot1", operator=operator)
         self.server.start()
         self._points = 0
 

@@ -8,6 +8,7 @@ from importlib import resources
 import pytest
 from playwright.sync_api import Page
 
+from offboard.visualizer.operator import OperatorView
 from tests.browser.conftest import Robot, Visit
 
 pytest.importorskip("axe_playwright_python", reason="axe-core comes with the extra `dev`")
@@ -34,6 +35,7 @@ def findings(page: Page, where: str) -> list[str]:
 def test_axe_core_finds_nothing_serious(robot: Robot, visit: Open, scheme: str, width: int) -> None:
     robot.floor()
     robot.door(4, "104", "Office", "doubtful")
+    robot.feed.take_operator(OperatorView("IDLE", "The planner took the home."))
     seen = visit(robot, color_scheme=scheme, viewport={"width": width, "height": 900})
     page = seen.page
     seen.until_live(robot)
@@ -44,6 +46,7 @@ def test_axe_core_finds_nothing_serious(robot: Robot, visit: Open, scheme: str, 
     found += findings(page, "the list of exports")
     page.keyboard.press("Escape")
     page.locator("#modules summary").click()
+    robot.feed.take_operator(OperatorView("LATCHED"))
     robot.late_s += 60.0
     seen.until_link("silent")
     found += findings(page, "old data, modules")

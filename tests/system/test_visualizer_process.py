@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import socket
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -15,10 +17,11 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import VisualizerSection, config_text
-from common.messages import MAP, POSE, STATUS, MapUpdate, PoseEstimate
+from common.messages import MAP, OPERATION, PERMIT, POSE, STATUS, MapUpdate, Operation, PoseEstimate
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import reserve_port
 from offboard.runs import run_folder
+from tests.page_socket import PageSocket, page_socket
 from tests.system.conftest import Mesh, until
 from tests.system.page import frames
 
@@ -80,7 +83,8 @@ def test_a_killed_visualizer_fills_its_pages_again(mesh: Mesh, mmu: ZenohBus, po
         time.sleep(0.05)
 
     def complete(heard: dict[str, Any]) -> bool:
-        fresh = (heard.get("heartbeat", {}).get("age_s", {}).get("pose") or 9.0) < 1.0
+        heartbeat = heard.get("heartbeat", {"now_s": 0.0, "arrived_s": {}})
+        fresh = heartbeat["now_s"] - heartbeat["arrived_s"].get("pose", -inf) < 1.0
         newest = heard.get("map", {"start": 0, "count": 0})  # the whole map at once, or its last piece
         return fresh and newest["start"] + newest["count"] == 20 and {"pose", "pois"} <= set(heard)
 
@@ -91,6 +95,29 @@ def test_a_killed_visualizer_fills_its_pages_again(mesh: Mesh, mmu: ZenohBus, po
         until(lambda: mesh.bus.latest(STATUS["visualizer"]), what="its status")
         mesh.processes["visualizer"].kill()
         mesh.processes["visualizer"].wait()
+
+
+def test_the_page_stops_and_orders_by_the_same_path_as_the_terminal(mesh: Mesh, mmu: ZenohBus, port: int) -> None:
+    start(mesh)
+    stopped(mesh), mesh.bus.take(OPERATION)  # which joins
+    until(lambda: next(frames("127.0.0.1", port), None) is not None, 20.0, "the page")
+    with page_socket(f"http://127.0.0.1:{port}/") as page:
+        token = page.of_channel("hello")[0]["token"]
+        until(lambda: page.of_channel("operator", 10.0)[0]["stop"] != "LINK_LOST", 20.0, "the robot")
+        page.connection.send(json.dumps({"order": "pause", "token": token}))
+        until(lambda: read_on(page) and any(o.operation is Operation.PAUSE for o in mesh.bus.take(OPERATION)), 10.0)
+        page.connection.send('{"order": "stop"}')
+        until(lambda: read_on(page) and stopped(mesh), 10.0, "comm having latched the stop")
+
+
+def read_on(page: PageSocket) -> bool:
+    page.next(5.0)
+    return True
+
+
+def stopped(mesh: Mesh) -> bool:
+    permit = mesh.bus.latest(PERMIT)
+    return permit is not None and "operator" in permit.stop_sources
 
 
 def test_more_idle_connections_than_files_leave_the_page_served_and_the_log_short(mesh: Mesh, port: int) -> None:

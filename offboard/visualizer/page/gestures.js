@@ -3,6 +3,7 @@
 
 const WHEEL = 0.0015; // per pixel of wheel
 const TURN = Math.PI / 12;
+const CLICK_PX = 6; // a pointer that moved farther dragged
 const SNAP_PX = 15; // half of an asterisk's button
 
 export class Gestures {
@@ -11,6 +12,8 @@ export class Gestures {
     this.onChange = onChange;
     this.measuring = false;
     this.pointers = new Map();
+    this.onPick = null; // takes the next place that is clicked on
+    this.pressed = null; // where the only pointer went down
     this.cursor = null; // where the pointer is, in CSS pixels of the stage
     const { overlay, stage } = map;
     overlay.addEventListener("pointerdown", (event) => this.#down(event));
@@ -19,6 +22,12 @@ export class Gestures {
     overlay.addEventListener("pointerleave", () => this.#hover(null));
     stage.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
     overlay.addEventListener("keydown", (event) => this.#arrow(event));
+  }
+
+  // The next click on the map goes to `onPick(place)` instead; null ends that
+  pick(onPick) {
+    this.onPick = onPick;
+    this.map.stage.classList.toggle("picking", Boolean(onPick));
   }
 
   act(name) {
@@ -65,6 +74,7 @@ export class Gestures {
     if (event.button !== 0) return;
     this.map.overlay.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, this.#place(event));
+    this.pressed = this.pointers.size === 1 ? this.#place(event) : null;
     if (this.measuring && this.pointers.size === 1) {
       const at = this.#measuredPlace(this.#place(event));
       this.map.measured = { from: at, to: at };
@@ -101,6 +111,9 @@ export class Gestures {
 
   #up(event) {
     this.pointers.delete(event.pointerId);
+    const at = this.#place(event);
+    const clicked = this.pressed && Math.hypot(at[0] - this.pressed[0], at[1] - this.pressed[1]) < CLICK_PX;
+    if (clicked && this.onPick && event.type === "pointerup") this.onPick(this.#measuredPlace(at));
   }
 
   #hover(place) {

@@ -59,6 +59,13 @@ export class Link {
     if (message) this.onMessage(message.channel, message);
   }
 
+  // An order; false where nobody is there to take it
+  send(message) {
+    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(message));
+    return true;
+  }
+
   #confirm() {
     if (this.socket.readyState !== WebSocket.OPEN) return;
     this.confirmed = this.bytes;

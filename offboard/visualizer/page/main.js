@@ -8,6 +8,7 @@ import { Model } from "./model.js";
 import { Panel } from "./panel.js";
 import { PoiDialog } from "./poi_dialog.js";
 import { PoiList } from "./poi_list.js";
+import { Orders } from "./orders.js";
 import { place } from "./poi_text.js";
 import { Paper } from "./paper.js";
 import { ScreenScale } from "./screen_scale.js";
@@ -31,12 +32,18 @@ export const map = new MapView($("stage"), model, () => {
   showTools();
 });
 const gestures = new Gestures(map, showTools);
+const orders = new Orders(model, {
+  send: (message) => link.send(message),
+  picking: (onPick) => gestures.pick(onPick),
+});
 const paper = new Paper(map, model, screenScale);
 const dialog = new PoiDialog({
   find: (id) => model.pois.find((poi) => poi.poi_id === id),
   neighbours: () => list.shown,
   place: (poi) => `${place(poi)} from the start`,
   show: centre,
+  drive: (poi) => orders.goto(poi.x_m, poi.y_m),
+  mayDrive: () => orders.allowed,
   onSelect: (id) => {
     selected = id ?? selected;
     list.select(selected);
@@ -64,6 +71,7 @@ function take(channel, message) {
     dialog.followAddress();
   }
   if (channel === "grid") map.redecode();
+  if (channel === "operator" || channel === "hello") orders.show();
   const drawn = DRAWN[channel];
   if (drawn) map.draw(drawn === "below");
 }
@@ -115,6 +123,11 @@ function key(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
   if (event.target.matches("input, select")) return;
   if (event.key === "Escape") $("export").open = false;
+  if (event.key === " " && event.target.matches("body, canvas")) {
+    event.preventDefault();
+    orders.stop();
+  }
+  if (event.key === "Escape" && orders.going) orders.leave();
   if (event.key === "/") {
     event.preventDefault();
     $("search").focus();
@@ -135,11 +148,12 @@ addEventListener("click", ({ target }) => {
   if (!$("export").contains(target) || target.closest(".menu-list")) $("export").open = false;
 });
 
-new Link({
+const link = new Link({
   onMessage: take,
   onState: (...state) => {
     model.link(...state);
     panel.show();
+    orders.show();
     map.draw(false);
   },
   held: () => model.held,

@@ -15,6 +15,8 @@ export class Model {
     this.epoch = 0;
     this.robot = "";
     this.run = ""; // its folder, where it is recorded
+    this.token = ""; // with which this page may give orders
+    this.operator = null; // {stop, answer, hindrance} of the robot's operator; null where only a run is shown
     this.recorded = ""; // when that was; empty while the run goes on
     this.pose = null;
     this.plan = null;
@@ -84,7 +86,7 @@ export class Model {
   }
 
   _hello(message) {
-    for (const name of ["robot", "run", "recorded"]) this[name] = message[name];
+    for (const name of ["robot", "run", "recorded", "token"]) this[name] = message[name];
     if (message.model !== this.source) this.epoch = -1; // its map begins at its beginning
     this.source = message.model;
   }
@@ -131,6 +133,10 @@ export class Model {
 
   _grid(message) {
     this.grid = message;
+  }
+
+  _operator(message) {
+    this.operator = message;
   }
 
   _plan(message) {

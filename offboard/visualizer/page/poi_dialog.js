@@ -4,10 +4,12 @@
 import { headline, stateOf } from "./poi_text.js";
 
 export class PoiDialog {
-  constructor({ find, neighbours, place, show, onSelect }) {
+  constructor({ find, neighbours, place, show, drive, mayDrive, onSelect }) {
     this.find = find; // id -> point of interest
     this.neighbours = neighbours; // () -> the list to walk along
     this.place = place; // point of interest -> words
+    this.drive = drive; // orders the robot there
+    this.mayDrive = mayDrive;
     this.show = show; // brings it into the middle of the map
     this.onSelect = onSelect;
     this.dialog = document.getElementById("poi");
@@ -44,6 +46,7 @@ export class PoiDialog {
     const text = JSON.stringify(poi) + this.place(poi);
     if (text === this.shown) return;
     this.shown = text;
+    this.dialog.querySelector('[data-do="drive"]').hidden = !this.mayDrive();
     const { sign, text: reading } = stateOf(poi);
     const values = {
       name: poi.name,
@@ -85,6 +88,10 @@ export class PoiDialog {
         const poi = this.find(this.id);
         this.dialog.close();
         this.show(poi, true);
+      },
+      drive: () => {
+        this.drive(this.find(this.id));
+        this.dialog.close();
       },
       link: () => this.#copy(button),
     };

@@ -1,0 +1,143 @@
+"""What a person orders on the page -> the robot, by the rules of the Command Center; and what became of it.
+
+It joins the mesh as the verbs `estop` and `goto` do: as a client of the Command Center's role, with its keys where the
+mesh has keys. A thread of its own does so, because the mesh may start after the page, or again.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from common.bus import Bus
+from common.errors import StartError, sentence
+from common.messages import OPERATION, PERMIT, PLAN, Operation
+from offboard.operate import operations
+from offboard.operate.operations import Answer, PendingOperation
+from offboard.operate.software_stop import look, robot_report
+from offboard.operate.stop_desk import StopDesk, StopSender
+
+_STEP_S = 0.05
+_RETRY_S = 2.0
+
+_log = logging.getLogger("visualizer")
+
+
+class ClosableBus(Bus, Protocol):
+    def close(self) -> object: ...
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorView:
+    """What the page shows of it: the stop (a name of `software_stop.Look`), the newest order's answer.
+
+    `hindrance`: why nothing can be ordered here, as one sentence; empty where it can.
+    """
+
+    stop: str = ""
+    answer: str = ""
+    hindrance: str = ""
+
+
+class Operator(Protocol):
+    """Used by the server and its thread, from `open` to `close`."""
+
+    def open(self) -> None: ...
+    def close(self) -> None: ...
+    def stop(self) -> None: ...
+    def operate(self, operation: Operation, x_m: float, y_m: float) -> None: ...
+
+
+class NoOperator:
+    """Where no robot is meant."""
+
+    def open(self) -> None: ...
+    def close(self) -> None: ...
+    def stop(self) -> None: ...
+    def operate(self, operation: Operation, x_m: float, y_m: float) -> None: ...
+
+
+class BusOperator:
+    """`join` opens the bus and raises StartError while it cannot; `on_view` takes every new view."""
+
+    def __init__(self, join: Callable[[], ClosableBus], on_view: Callable[[OperatorView], None]) -> None:
+        self._join, self._on_view = join, on_view
+        self._desk = StopDesk(time.monotonic)
+        self._lock = threading.Lock()
+        self._order: tuple[Operation, float, float] | None = None
+        self._pending: PendingOperation | None = None
+        self._sent_s = 0.0
+        self._view = OperatorView()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="operator", daemon=True)
+
+    def open(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join(2.0)
+
+    def stop(self) -> None:
+        self._desk.press()
+
+    def operate(self, operation: Operation, x_m: float, y_m: float) -> None:
+        """A newer order replaces one that was not taken yet."""
+        with self._lock:
+            self._order = operation, x_m, y_m
+        _log.info("operation=%s x_m=%.2f y_m=%.2f", operation.value, x_m, y_m)
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            try:
+                bus = self._join()
+            except StartError as error:
+                self._show(replace(self._view, stop="LINK_LOST", hindrance=sentence(error)))
+                self._ended.wait(_RETRY_S)
+                continue
+            sender = StopSender(self._desk, bus)
+            sender.start()
+            try:
+                while not self._ended.wait(_STEP_S):
+                    self._step(bus, time.monotonic())
+            finally:
+                sender.close()
+                bus.close()
+
+    def _step(self, bus: Bus, now_s: float) -> None:
+        report = robot_report(bus, now_s)
+        control = self._desk.receive(report, now_s)
+        answer = self._operate(bus, now_s)
+        self._show(OperatorView(look(control, report, now_s).name, answer, ""))
+
+    def _operate(self, bus: Bus, now_s: float) -> str:
+        """Sends the order until it is answered; the sentence about it."""
+        view, permit = bus.latest(PLAN), bus.latest(PERMIT)
+        with self._lock:
+            order, self._order = self._order, None
+        if order is not None:
+            operation, x_m, y_m = order
+            self._pending = operations.new_operation(operation, permit, now_s, secrets.randbits, x_m, y_m)
+            self._sent_s = 0.0
+        pending = self._pending
+        if pending is None:
+            return self._view.answer
+        name, answer = pending.command.operation.value, pending.answer(view, permit, now_s)
+        if answer is not Answer.WAITING:
+            self._pending = None
+            return operations.result_sentence(name, answer, permit, view)
+        if now_s - self._sent_s >= operations.REPEAT_S:
+            self._sent_s = now_s
+            bus.publish(OPERATION, pending.command)
+        return f"Sent: {name}."
+
+    def _show(self, view: OperatorView) -> None:
+        if view != self._view:
+            self._view = view
+            self._on_view(view)

@@ -1,0 +1,148 @@
+"""Orders from the page: whoever sees it may stop the robot, it alone may order more, and no other page may anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+from typing import Any
+
+import pytest
+from playwright.sync_api import expect
+
+from common.messages import Operation
+from offboard.visualizer.operator import OperatorView
+from tests.browser.conftest import Robot, Visit
+
+pytestmark = pytest.mark.timeout(60)
+
+Open = Callable[..., Visit]
+
+
+class Orders:
+    """Takes down what was ordered."""
+
+    def __init__(self) -> None:
+        self.taken: list[tuple[Any, ...]] = []
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def stop(self) -> None:
+        self.taken.append(("stop",))
+
+    def operate(self, operation: Operation, x_m: float, y_m: float) -> None:
+        self.taken.append((operation.value, round(x_m, 2), round(y_m, 2)))
+
+
+@pytest.fixture
+def orders() -> Orders:
+    return Orders()
+
+
+@pytest.fixture
+def robot(orders: Orders) -> Iterator[Robot]:
+    made = Robot(operator=orders)
+    made.feed.take_operator(OperatorView("IDLE"))
+    made.floor()
+    yield made
+    made.server.close()
+
+
+@pytest.mark.parametrize("how", ["click", "space", "in a dialog"])
+def test_the_stop_is_one_click_or_key_away(robot: Robot, orders: Orders, visit: Open, how: str) -> None:
+    seen = visit(robot)
+    seen.until_live(robot)
+    if how == "space":
+        seen.page.keyboard.press("Space")
+    else:
+        if how == "in a dialog":
+            seen.page.get_by_role("button", name="Door 102 Laboratory").click()
+        seen.page.locator("#poi .stop" if how == "in a dialog" else "header .stop").click()
+    seen.until(lambda: orders.taken == [("stop",)], "the stop")
+    seen.page.keyboard.press("Escape")
+    robot.feed.take_operator(OperatorView("SENT"))
+    expect(seen.page.locator("header .stop")).to_have_text("Stop sent")
+    expect(seen.page.locator("#answer")).to_contain_text("use the button on the robot")
+    robot.feed.take_operator(OperatorView("LATCHED"))
+    expect(seen.page.locator("header .stop")).to_have_text("Stopped")
+
+
+def test_the_mission_is_ordered_by_buttons_and_answered_in_words(robot: Robot, orders: Orders, visit: Open) -> None:
+    seen = visit(robot)
+    seen.until_live(robot)
+    for name in ("Start", "Pause", "Resume", "Home"):
+        seen.page.get_by_role("button", name=name, exact=True).click()
+    seen.until(lambda: len(orders.taken) == 4, "the orders")
+    assert [name for name, *_ in orders.taken] == ["start", "pause", "resume", "home"]
+    robot.feed.take_operator(OperatorView("IDLE", "The planner took the home."))
+    expect(seen.page.locator("#answer")).to_have_text("The planner took the home.")
+
+
+def test_a_click_on_the_floor_or_on_a_door_is_where_it_drives_to(robot: Robot, orders: Orders, visit: Open) -> None:
+    seen = visit(robot)
+    seen.until_live(robot)
+    page = seen.page
+    page.get_by_role("button", name="Go to").click()
+    stage = page.locator("#stage").bounding_box()
+    assert stage is not None
+    x, y = page.evaluate("import('./main.js').then(({ map }) => map.view.toScreen(4, 1.5))")
+    page.mouse.click(stage["x"] + x, stage["y"] + y)
+    seen.until(lambda: len(orders.taken) == 1, "the order")
+    name, x_m, y_m = orders.taken[0]
+    assert (name, x_m, y_m) == ("goto", pytest.approx(4.0, abs=0.02), pytest.approx(1.5, abs=0.02))
+    expect(page.get_by_role("button", name="Go to")).to_have_attribute("aria-pressed", "false")
+    page.get_by_role("button", name="Door 102 Laboratory").click()
+    page.get_by_role("button", name="Drive there").click()
+    seen.until(lambda: orders.taken[1:] == [("goto", 2.5, 0.0)], "the order to the door")
+
+
+FOREIGN = b"""<!doctype html><title>foreign</title><script>
+const at = new URLSearchParams(location.search).get("robot");
+window.tried = 0;
+const socket = new WebSocket(at.replace("http", "ws") + "live");
+socket.onopen = () => socket.send(JSON.stringify({ order: "stop" }));
+socket.onclose = socket.onerror = () => window.tried++;
+for (const path of ["", "live", "refusal", "stop", "order"])
+  for (const method of ["GET", "POST"])
+    fetch(at + path, { method, mode: "no-cors", body: method === "POST" ? '{"order":"stop"}' : undefined })
+      .catch(() => {}).finally(() => window.tried++);
+</script>"""
+
+
+class _Foreign(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(FOREIGN)
+
+    def log_message(self, *_: Any) -> None: ...
+
+
+def test_a_foreign_page_in_the_same_browser_moves_and_stops_nothing(robot: Robot, orders: Orders, visit: Open) -> None:
+    foreign = ThreadingHTTPServer(("127.0.0.1", 0), _Foreign)
+    Thread(target=partial(foreign.serve_forever, 0.05), daemon=True).start()
+    try:
+        seen = visit(robot)
+        seen.until_live(robot)
+        other = visit(None, at=f"http://127.0.0.1:{foreign.server_port}/?robot={robot.server.address}")
+        other.until(lambda: other.page.evaluate("window.tried") >= 11, "all that it tries")
+        assert orders.taken == []
+        other.errors.clear()  # what the browser says of what it tried
+    finally:
+        foreign.shutdown()
+        foreign.server_close()
+
+
+def test_a_recorded_or_robotless_page_has_no_orders(visit: Open) -> None:
+    robot = Robot()
+    robot.floor()
+    try:
+        seen = visit(robot)
+        seen.until_live(robot)
+        expect(seen.page.locator("header .stop")).to_be_hidden()
+        expect(seen.page.locator("#orders")).to_be_hidden()
+    finally:
+        robot.server.close()

@@ -1,0 +1,70 @@
+"""What a page may send: a stop needs nothing, any other order the token, and nothing else is understood."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.messages import Operation
+from offboard.visualizer.requests import BadRequest, Confirmation, Order, parse
+
+TOKEN = "secret"
+
+
+@pytest.mark.parametrize("token", [TOKEN, ""])
+def test_a_stop_needs_nothing(token: str) -> None:
+    assert parse('{"order": "stop"}', token) == Order(None)
+
+
+@pytest.mark.parametrize("name", ["start", "pause", "resume", "home"])
+def test_an_order_with_the_token_is_taken(name: str) -> None:
+    assert parse(json.dumps({"order": name, "token": TOKEN}), TOKEN) == Order(Operation(name))
+
+
+def test_a_place_to_drive_to_is_taken_with_its_metres() -> None:
+    text = json.dumps({"order": "goto", "x_m": -3.5, "y_m": 1, "token": TOKEN})
+    assert parse(text, TOKEN) == Order(Operation.GOTO, -3.5, 1.0)
+
+
+@pytest.mark.parametrize("given_token", [None, "", "other", 7, "secre\u0165"])
+def test_an_order_without_the_token_is_none(given_token: object) -> None:
+    with pytest.raises(BadRequest, match="no right"):
+        parse(json.dumps({"order": "start", "token": given_token}), TOKEN)
+
+
+def test_a_page_that_was_given_no_token_orders_nothing_but_a_stop() -> None:
+    with pytest.raises(BadRequest, match="no right"):
+        parse('{"order": "start", "token": ""}', "")
+
+
+@pytest.mark.parametrize("x_m", ["null", "true", '"1"', "NaN", "1e9", "[]"])
+def test_a_place_that_is_none_is_refused(x_m: str) -> None:
+    with pytest.raises(BadRequest):
+        parse(f'{{"order": "goto", "x_m": {x_m}, "y_m": 0, "token": "{TOKEN}"}}', TOKEN)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "[]", "7", "{}", "[" * 1000, '{"order": 7, "token": "secret"}', '{"order": "dance", "token": "secret"}'),
+        *('{"received": 1e3, "at": 0}', '{"received": true, "at": 0}', '{"received": 0, "at": "x"}'),
+        '{"received": 0, "at": NaN}',
+    ],
+)
+def test_what_no_page_sends_is_refused(text: str) -> None:
+    with pytest.raises(BadRequest):
+        parse(text, TOKEN)
+
+
+def test_a_confirmation_is_bytes_and_a_time() -> None:
+    assert parse('{"received": 12, "at": 0.5}', TOKEN) == Confirmation(12, 0.5)
+
+
+@given(st.text())
+def test_no_text_does_any_harm(text: str) -> None:
+    with suppress(BadRequest):
+        parse(text, TOKEN)
