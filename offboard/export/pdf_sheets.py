@@ -73,7 +73,7 @@ def _tile(canvas: Any, plan: Plan, block: TitleBlock, pages: Layout, tile: Tile,
     several = len(pages.tiles) > 1
     _window(canvas, pages, tile.x_mm, tile.y_mm, 1.0)
     page = f"sheet {tile.name}, page {number + 2} of {len(pages.tiles) + 1}" if several else "page 1 of 1"
-    _block(canvas, plan, block, pages, "scale 1:100", page)
+    _block(canvas, plan, block, pages, page)
     if several:
         numbers = {(other.row, other.column): k + 2 for k, other in enumerate(pages.tiles)}
         _marks(canvas, plan, pages, tile, numbers)
@@ -91,13 +91,12 @@ def _overview(canvas: Any, plan: Plan, block: TitleBlock, pages: Layout) -> None
         strokes.append(Stroke("tile", [rectangle(left_mm, low_mm, width_mm, height_mm)], MARK, 0.2, (1.2, 1.2)))
         texts.append(Text(left_mm + 2.0, low_mm + height_mm - 5.0, tile.name, MARK, 4.0))
     _scaled(canvas, strokes, texts, pages)
-    _block(canvas, plan, block, pages, f"overview, scale 1:{scale}", f"page 1 of {len(pages.tiles) + 1}")
+    _block(canvas, plan, block, pages, f"overview, page 1 of {len(pages.tiles) + 1}", scale)
     canvas.showPage()
 
 
-def _block(canvas: Any, plan: Plan, block: TitleBlock, pages: Layout, scale: str, page: str) -> None:
-    bar = scale.endswith("1:100")
-    strokes, texts = title_block(plan, block, scale, pages.window_mm[0], page, scale_bar=bar)
+def _block(canvas: Any, plan: Plan, block: TitleBlock, pages: Layout, page: str, scale: int = 100) -> None:
+    strokes, texts = title_block(plan, block, pages.window_mm[0], page, scale)
     _scaled(
         canvas,
         [stroke.moved(MARGIN_MM, MARGIN_MM) for stroke in strokes],

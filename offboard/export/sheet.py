@@ -6,7 +6,7 @@ Everything is in millimetres, y up, from the sheet's lower left corner.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, degrees, sin
+from math import ceil, cos, degrees, sin
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from offboard.export.plan import (
     BORDER,
     INFERRED,
     INFERRED_DASH_MM,
-    MM_PER_M,
     POI,
     START,
     TEXT,
@@ -32,7 +31,7 @@ from offboard.export.title import TitleBlock
 MARGIN_MM = 10.0  # what printers leave white
 BLOCK_MM = 30.0  # height of the title block
 BLOCK_WIDTH_MIN_MM = 180.0
-SCALE_BAR_M = 5.0
+SCALE_BAR_M, BAR_PARTS = 5.0, 5
 _TITLE_WIDTH_MM, _LEGEND_WIDTH_MM = 62.0, 62.0
 _LETTER = 0.58  # width of a letter over the height of its font
 
@@ -51,7 +50,7 @@ def single_sheet(plan: Plan, block: TitleBlock) -> Sheet:
     """The whole plan on one sheet that is as large as it must be."""
     inner_mm = max(plan.width_mm, BLOCK_WIDTH_MIN_MM)
     x_mm, y_mm = MARGIN_MM, MARGIN_MM + BLOCK_MM + 2.0
-    block_strokes, block_texts = title_block(plan, block, "scale 1:100", inner_mm)
+    block_strokes, block_texts = title_block(plan, block, inner_mm)
     return Sheet(
         inner_mm + 2 * MARGIN_MM,
         y_mm + plan.height_mm + MARGIN_MM,
@@ -82,13 +81,13 @@ def frame(plan: Plan) -> list[Stroke]:
 
 
 def title_block(
-    plan: Plan, block: TitleBlock, scale: str, width_mm: float, page: str = "", *, scale_bar: bool = True
+    plan: Plan, block: TitleBlock, width_mm: float, page: str = "", scale: int = 100
 ) -> tuple[list[Stroke], list[Text]]:
-    """From (0, 0) on, `width_mm` wide and BLOCK_MM high; `page`: its number; `scale_bar` only where it is 1:100."""
+    """From (0, 0) on, `width_mm` wide and BLOCK_MM high; `page`: its number; `scale`: the drawing is 1 : this."""
     strokes = [Stroke("block", [rectangle(0.0, 0.0, width_mm, BLOCK_MM)], BORDER, 0.35)]
-    texts = _words(plan, block, scale, page)
+    texts = _words(plan, block, f"scale 1:{scale}", page)
     legend_strokes, legend_texts = _legend(_TITLE_WIDTH_MM + 3.0)
-    bar_strokes, bar_texts = _scale_bar(_TITLE_WIDTH_MM + _LEGEND_WIDTH_MM + 4.0, 5.0) if scale_bar else ([], [])
+    bar_strokes, bar_texts = _scale_bar(_TITLE_WIDTH_MM + _LEGEND_WIDTH_MM + 4.0, 5.0, scale)
     arrow_strokes, arrow_texts = _arrows(block, _TITLE_WIDTH_MM + _LEGEND_WIDTH_MM + 8.0, 20.0)
     return [*strokes, *legend_strokes, *bar_strokes, *arrow_strokes], [
         *texts,
@@ -137,16 +136,17 @@ def _legend(x_mm: float) -> tuple[list[Stroke], list[Text]]:
     return strokes, texts
 
 
-def _scale_bar(x_mm: float, y_mm: float) -> tuple[list[Stroke], list[Text]]:
-    """Black and white in turn, a metre each."""
-    metres = [rectangle(x_mm + k * MM_PER_M, y_mm, MM_PER_M, 1.6) for k in range(round(SCALE_BAR_M))]
+def _scale_bar(x_mm: float, y_mm: float, scale: int) -> tuple[list[Stroke], list[Text]]:
+    """Five parts, black and white in turn, of as many metres as make it about 50 mm long."""
+    part_m = ceil(scale / 100 * SCALE_BAR_M / BAR_PARTS)
+    part_mm = part_m * 1000 / scale
+    parts = [rectangle(x_mm + k * part_mm, y_mm, part_mm, 1.6) for k in range(BAR_PARTS)]
     strokes = [
-        Stroke("scale", metres[::2], TEXT, 0.0, filled=True),
-        Stroke("scale-frame", [rectangle(x_mm, y_mm, SCALE_BAR_M * MM_PER_M, 1.6)], TEXT, 0.2),
+        Stroke("scale", parts[::2], TEXT, 0.0, filled=True),
+        Stroke("scale-frame", [rectangle(x_mm, y_mm, BAR_PARTS * part_mm, 1.6)], TEXT, 0.2),
     ]
     marks = [
-        Text(x_mm + k * MM_PER_M, y_mm - 3.0, f"{k:g}{' m' if k == SCALE_BAR_M else ''}", anchor="middle")
-        for k in (0.0, SCALE_BAR_M)
+        Text(x_mm + k * part_mm, y_mm - 3.0, f"{k * part_m} m" if k else "0", anchor="middle") for k in (0, BAR_PARTS)
     ]
     return strokes, marks
 

@@ -87,7 +87,7 @@ def test_a_large_plan_is_an_overview_and_tiles_at_1_to_100_that_overlap_and_name
     tiles = layout(make_plan(data), "a3").tiles
     assert [tile.name for tile in tiles] == ["A1", "A2"]
     assert pages_mm(pdf) == 3 * [pytest.approx((420.0, 297.0), abs=0.01)]
-    assert "overview, scale 1:200" in page_text(pdf, 1)
+    assert all(word in page_text(pdf, 1) for word in ("scale 1:200", "overview, page 1 of 3", "10 m"))
     assert "scale 1:100" not in page_text(pdf, 1)
     assert "overlaps page 3" in page_text(pdf, 2)
     assert "overlaps page 2" in page_text(pdf, 3)
