@@ -15,8 +15,10 @@ def written_whole(path: Path) -> Iterator[Path]:
 
     What ends with an error leaves the old one; what a kill leaves is gone the next time.
     """
-    part = path.with_name(f".{path.name}.part")
-    _remove(part)
+    folder = path.with_name(f".{path.name}.part")
+    _remove(folder)
+    folder.mkdir()
+    part = folder / path.name  # libraries name files after the folder that they write
     try:
         yield part
         _sync(part)
@@ -24,7 +26,7 @@ def written_whole(path: Path) -> Iterator[Path]:
             _remove(path)
         part.replace(path)
     finally:
-        _remove(part)
+        _remove(folder)
 
 
 def _remove(path: Path) -> None:

@@ -191,7 +191,7 @@ def test_a_ros_bag_holds_map_poses_sonars_and_doors_for_rosbags(recorded_run: Pa
 
 def test_another_decoder_reads_the_same_from_the_bag(recorded_run: Path, tmp_path: Path) -> None:
     (folder,) = export(recorded_run, tmp_path, ["bag"])
-    (file,) = folder.glob("*.mcap")
+    file = folder / "ros2_bag.mcap"
     with file.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[Ros2Decoder()])
         newest = {channel.topic: content for _, channel, _, content in reader.iter_decoded_messages()}
