@@ -25,7 +25,7 @@ from onboard.poi.doors.door_association import Door, State
 from onboard.poi.doors.door_detection import ColourBox
 from onboard.poi.doors.observations import Sign
 from onboard.poi.placement.wall_line import WallPoint
-from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, pose_before
+from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, plate_spots, pose_before
 from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.reading_job import Read, Reading, ReadingWorker, read
 from onboard.poi.signs.sign_reading import sign_rules
@@ -153,20 +153,29 @@ class Poi:
         return self._retake.phase is Phase.IDLE and (away_m > PASSED_M or now_s - seen_s > PASSED_S)
 
     def _request_retake(self, bus: Bus, now_s: float, pose: Pose2, doors: list[Door]) -> None:
-        """Requests a drive back to the nearest sign that was observed and not read, once it is out of view."""
+        """Requests a drive back to a sign that was observed and not read, or to where a door's plate may hang unseen.
+
+        Once it is out of view, and where it is near and in sight.
+        """
         if self._retake.phase is not Phase.IDLE or self._survey.turning or self._survey.worker.pending:
             return
         read_near = [door.centre for door in doors if door.state is State.READ]
-        for sign in self._survey.records.signs:
-            spot = sign.place.point
+        signs = [(sign.place.point, sign.distance_m) for sign in self._survey.records.signs if sign.wants_photo]
+        unseen = [
+            (spot, self._survey.wall_m)
+            for door in doors
+            if door.sign is None and door.state is State.UNREAD
+            for spot in plate_spots(door.centre, door.width_m)
+            if not self._survey.imaged.holds(spot)
+        ]
+        for spot, distance_m in signs + unseen:
             away_m = hypot(spot.x_m - pose.x_m, spot.y_m - pose.y_m)
             if (
-                sign.wants_photo
-                and PASSED_M < away_m < RETAKE_NEAR_M
+                PASSED_M < away_m < RETAKE_NEAR_M
                 and self._visits_of(spot) < VISITS_MAX
                 and not any(spot.distance_m(centre) < PASSED_M for centre in read_near)
             ):
-                goal = pose_before(self._survey.map.facing(spot), sign.distance_m)
+                goal = pose_before(self._survey.map.facing(spot), distance_m)
                 # A place behind a wall is near in a straight line only
                 if self._survey.map.in_sight(pose, goal):
                     self._visits.append(spot)

@@ -14,6 +14,7 @@ from common.messages import PoiCommand
 from onboard.poi.placement.wall_line import WallPoint
 
 VISITS_MAX = 2  # of one sign
+PLATE_ASIDE_M = 0.25  # from the frame of a door to the middle of its plate
 DISTANCE_M = (0.7, 1.5)  # from the wall, as the hall allows
 ARRIVED_M, ARRIVED_RAD = 0.5, 0.15  # from the goal
 STANDING_M_S, STANDING_RAD_S = 0.03, 0.05  # below both the robot stands
@@ -47,6 +48,12 @@ def pose_before(spot: WallPoint, distance_m: float) -> Pose2:
         spot.y_m + d * sin(spot.normal_rad),
         wrap_angle(spot.normal_rad - pi / 2),
     )
+
+
+def plate_spots(centre: WallPoint, width_m: float) -> tuple[WallPoint, WallPoint]:
+    """Where the plate of a door hangs that has none on it: to its left and right."""
+    aside_m = width_m / 2 + PLATE_ASIDE_M
+    return centre.moved_right(-aside_m), centre.moved_right(aside_m)
 
 
 def begin(goal: Pose2, now_s: float) -> tuple[Retake, PoiCommand]:

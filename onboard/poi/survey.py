@@ -23,6 +23,7 @@ from onboard.poi.camera.frame_source import FrameSource
 from onboard.poi.doors.door_detection import ColourBox, DoorDetector
 from onboard.poi.doors.door_records import DoorRecords
 from onboard.poi.doors.door_view import look_for_doors
+from onboard.poi.placement.imaged_wall import ImagedWall
 from onboard.poi.placement.pose_history import PoseHistory
 from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker
 from onboard.poi.placement.wall_map import WallMap
@@ -45,7 +46,8 @@ _log = logging.getLogger("poi")
 
 
 class Survey:
-    """Owns source and worker. `photos_read` counts the full frames that were read."""
+    """Owns source and worker. `photos_read` counts the full frames that were read; `wall_m` is the distance of the wall
+    that was looked at last."""
 
     def __init__(
         self,
@@ -57,8 +59,10 @@ class Survey:
     ) -> None:
         self.map = WallMap()
         self.records = DoorRecords(self.map.backs, site)
+        self.imaged = ImagedWall()
         self.history = PoseHistory()
         self.photos_read = 0
+        self.wall_m = 1.0
         self.health = FrameHealth()
         self.engine_missing = False
         self.worker = worker
@@ -152,6 +156,8 @@ class Survey:
         camera = self._preview_camera
         if image.shape[1::-1] != PREVIEW_SIZE_PX:
             image = cv2.resize(image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA)
+        self.imaged.add(pose, wall, camera)
+        self.wall_m = wall.distance_m
         look_for_doors(image, camera, pose, wall, self._doors, self.records, self._driven_m, now_s)
         spaced = self._driven_m - self._full_at_m >= FULL_SPACING_M
         if holding:

@@ -115,11 +115,13 @@ def on_wall(x_m: float, y_m: float = 0.0) -> WallPoint:
     return WallPoint(x_m, y_m, pi / 2)
 
 
-def records_with_door(centre_m: float, observations: int = 6, backed: bool = True) -> DoorRecords:
+def records_with_door(
+    centre_m: float, observations: int = 6, backed: bool = True, rises: bool | None = None
+) -> DoorRecords:
     records = DoorRecords(lambda left, right: backed, SITE)
     for i in range(observations):
-        records.add_edge(Side.LEFT, on_wall(centre_m + 0.5 + 0.01 * (i % 2)), float(i))
-        records.add_edge(Side.RIGHT, on_wall(centre_m - 0.5 + 0.01 * (i % 2)), float(i))
+        records.add_edge(Side.LEFT, on_wall(centre_m + 0.5 + 0.01 * (i % 2)), float(i), rises)
+        records.add_edge(Side.RIGHT, on_wall(centre_m - 0.5 + 0.01 * (i % 2)), float(i), rises)
     return records
 
 
@@ -170,7 +172,7 @@ def test_photos_from_one_direction_are_one_view_however_many_they_are() -> None:
 
 
 def test_poster_beside_a_door_is_nobodys_plate() -> None:
-    records = records_with_door(3.0)
+    records = records_with_door(3.0, rises=True)
     for _ in range(3):
         sign = records.add_sign(on_wall(2.2), 7.0, other())
     assert sign.rejected
@@ -180,11 +182,17 @@ def test_poster_beside_a_door_is_nobodys_plate() -> None:
 
 
 def test_span_without_wall_behind_it_is_no_door() -> None:
-    assert records_with_door(3.0, backed=False).doors() == []
+    assert records_with_door(3.0, backed=False, rises=True).doors() == []
+
+
+def test_stretch_of_another_colour_that_nobody_saw_rise_is_no_door_without_a_plate() -> None:
+    assert records_with_door(3.0).doors() == []
+    assert records_with_door(3.0, rises=False).doors() == []
+    assert [door.state for door in records_with_door(3.0, rises=True).doors()] == [State.UNREAD]
 
 
 def test_door_that_was_hardly_seen_and_has_no_plate_is_left_out() -> None:
-    assert records_with_door(3.0, observations=2).doors() == []
+    assert records_with_door(3.0, observations=2, rises=True).doors() == []
 
 
 def test_plate_goes_to_the_nearest_of_two_doors() -> None:
@@ -199,10 +207,10 @@ def test_plate_goes_to_the_nearest_of_two_doors() -> None:
 
 
 def test_door_seen_again_after_the_map_moved_is_still_one() -> None:
-    records = records_with_door(3.0)
+    records = records_with_door(3.0, rises=True)
     for i in range(4):
-        records.add_edge(Side.LEFT, on_wall(3.8, 0.1), 50.0 + i)
-        records.add_edge(Side.RIGHT, on_wall(2.8, 0.1), 50.0 + i)
+        records.add_edge(Side.LEFT, on_wall(3.8, 0.1), 50.0 + i, True)
+        records.add_edge(Side.RIGHT, on_wall(2.8, 0.1), 50.0 + i, True)
     assert len(records.doors()) == 1
 
 

@@ -55,6 +55,7 @@ class Wall:
         self.x_m = 0.0
         self.lost = False
         self.frozen_at_m: float | None = None
+        self.plain = False  # without a plate
         self._due_s = 0.0
         self._wanted = False
         self.fulls = 0
@@ -90,7 +91,8 @@ class Wall:
         image[:, (x_m > DOOR_M[0]) & (x_m < DOOR_M[1])] = (62, 104, 150)
         low, high = (int(camera.row_px(z, WALL_M)) for z in (CAMERA_HEIGHT_M + 0.02, CAMERA_HEIGHT_M - 0.02))
         stripes = (abs(x_m - PLATE_M) < 0.06) & ((x_m * 100).astype(int) % 2 == 0)
-        image[low:high, stripes] = 20
+        if not self.plain:
+            image[low:high, stripes] = 20
         return image
 
 
@@ -187,6 +189,47 @@ def test_plate_that_cannot_be_read_is_visited_again_and_photographed_standing() 
     assert [r.command for r in story.requests] == [PoiCommand.GOTO, PoiCommand.STOP, PoiCommand.CONTINUE]
     story.drive_to(4.2)  # what was read standing is confirmed in passing
     assert [r.number for r in story.records.values() if r.state == "read"] == ["304"]
+
+
+@pytest.mark.requirement("POI_MR_05")
+def test_wall_beside_a_door_that_the_camera_has_not_seen_is_visited_for_the_doors_plate() -> None:
+    story = Story([plate("304")])
+    story.wall.x_m = 4.6
+    while story.wall.x_m > 3.02:  # back to where the door is in view, and its plate is not
+        story.step(-SPEED_M_S)
+    story.stand(2.0)
+    story.drive_to(5.5)
+    request = story.requests[0]
+    assert request.command is PoiCommand.GOTO
+    assert (request.x_m, request.y_m, request.heading_rad) == pytest.approx((PLATE_M, 0.0, 0.0), abs=0.15)
+    story.wall.x_m = request.x_m  # the planner has driven there
+    story.stand(8.0)
+    story.drive_to(5.5)
+    assert [(r.state, r.number) for r in story.records.values()] == [("read", "304")]
+    assert [r.command for r in story.requests].count(PoiCommand.GOTO) == 1
+
+
+def test_door_beside_which_nothing_hangs_is_visited_for_no_plate() -> None:
+    story = Story([plate("304")])
+    story.wall.plain = True
+    story.drive_to(5.5)
+    assert [record.state for record in story.records.values()] == ["unread"]
+    assert story.requests == []
+
+
+def doubtful(number: str) -> SignReading:
+    """Of a form that is not the site's."""
+    shown = RoomNumber(number, "building-room")
+    return SignReading(Verdict.DOUBTFUL, shown, "", 0.99, (0.0, 0.0, 1.0, 1.0), (number,))
+
+
+def test_doubtful_number_is_published_as_such_with_its_photo() -> None:
+    story = Story([doubtful("16-101")])
+    story.drive_to(5.5)
+    (record,) = story.records.values()
+    assert (record.name, record.number, record.state) == ("Door", "16-101", "doubtful")
+    assert record.photo_jpeg.startswith(b"\xff\xd8")
+    assert story.requests == []
 
 
 def test_door_that_stays_unread_is_published_after_two_visits() -> None:

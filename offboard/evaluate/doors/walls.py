@@ -24,6 +24,7 @@ LENGTH_M = 7.0
 LOW_M, HIGH_M = 0.4, 2.6  # heights that a picture reaches
 PX_PER_M = 500.0
 PLAIN_END_M = 0.9  # at both ends of a wall nothing hangs
+WIDEST_M = 1.4  # of what is beside doors, roughly
 
 
 class Look(Enum):
@@ -99,16 +100,13 @@ def wall(look: Look, index: int, seed: int = 1) -> Wall:
     colour = _wall_colour(look, rng)
     front = np.broadcast_to(colour, (rows, columns, 3)).copy()
     drawn = _Drawing(look, front, np.zeros((rows, columns), np.float32))
-    things: list[Callable[[_Drawing, float, Colour, Random], float]] = [_door]
-    things += [rng.choice((_door, *_OTHERS)) for _ in range(5)]
+    things: list[Callable[[_Drawing, float, Colour, Random], float]] = [rng.choice(_OTHERS), _door]
     rng.shuffle(things)
+    things += [rng.choice((_door, *_OTHERS)) for _ in range(4)]
     x_m = PLAIN_END_M + rng.uniform(0.0, 0.4)
     for thing in things:
-        if x_m > LENGTH_M - PLAIN_END_M - 1.9:
-            if drawn.doors:
-                break
-            thing = _door
-        x_m += thing(drawn, x_m, colour, rng) + rng.uniform(0.35, 1.1)
+        if x_m < LENGTH_M - PLAIN_END_M - WIDEST_M:
+            x_m += thing(drawn, x_m, colour, rng) + rng.uniform(0.35, 1.1)
     drawn.front *= _light(rows, columns, rng)[..., None]
     grain = cv2.resize(noise.normal(0, 1, (rows // 2, columns // 2)).astype(np.float32), (columns, rows))
     drawn.front += rng.uniform(0.5, 3.0) * grain[..., None]

@@ -23,10 +23,9 @@ JAMBS_MIN = 2  # observations of a jamb: one alone is often noise
 NEAR_M = 0.12  # between a jamb and the edge by colour that is the same
 HANDLE_INSET_M = (0.03, 0.28)  # of the middle of a handle from the jamb that it is near to
 HANDLES_MIN = 2  # observations
+HANDLES_MAX = 2  # of one door
 DOUBLED_MIN = 0.4  # share of the observations of a jamb that show both sides of it
-CROSSED_MIN = (
-    0.5  # share of the observations of a jamb in which a line leads away from it, less those in which none does
-)
+CROSSED_BOTH, CROSSED_ONE = 0.5, 0.75  # share of the looks at a jamb in which a line leads away, less those without
 ALIKE_M = 0.025  # between the widths of the jambs of one frame
 HANDLE_VOTES = 2  # of a handle, which nothing but doors has; every other cue has one
 VOTES_MIN = 3  # of a door without a plate
@@ -51,12 +50,16 @@ def door_spans(edges: list[Edge], jambs: list[Jamb], handles: list[Place], backe
     """All doors: those by colour, and between them those by lines. `backed`: is there wall between two points?"""
     jambs = [jamb for jamb in jambs if jamb.place.count >= JAMBS_MIN]
     by_colour = [
-        Span(left, right, not _is_board(left, right, jambs))
+        Span(left, right, _looks_like_door(left, right, jambs, backed))
         for left, right in _pairs(edges)
         if _may_be_door(left.place.point, right.place.point, backed)
     ]
-    by_lines = _by_lines(edges, jambs, handles, backed)
-    return by_colour + [span for span in by_lines if not any(_overlap(span, other) for other in by_colour)]
+    # Edges by colour are placed more exactly; a door that only lines are sure of is none by colour
+    spans: list[Span] = []
+    for span in sorted(by_colour + _by_lines(edges, jambs, handles, backed), key=lambda span: not span.sure):
+        if not any(_overlap(span, other) for other in spans):
+            spans.append(span)
+    return spans
 
 
 def _pairs(edges: list[Edge]) -> list[tuple[Edge, Edge]]:
@@ -80,12 +83,17 @@ def _pairs(edges: list[Edge]) -> list[tuple[Edge, Edge]]:
     return spans
 
 
-def _is_board(left: Edge, right: Edge, jambs: list[Jamb]) -> bool:
-    """A board, a cabinet, a window: it ends below what rises above them, or a rim or sill leads across it."""
-    if max(left.rising, right.rising) < 0:
-        return True
-    ends = ([jamb for jamb in jambs if _same_place(jamb.place, edge.place)] for edge in (left, right))
-    return any(_crossed(*pair) for pair in product(*ends))
+def _looks_like_door(left: Edge, right: Edge, jambs: list[Jamb], backed: Backed) -> bool:
+    """Whether edges by colour are a door's, and not those of a board or window.
+
+    They run through the whole picture, or are known to rise above what hangs on walls, and no sill leads across.
+    """
+    ends = [[jamb for jamb in jambs if _same_place(jamb.place, edge.place)] for edge in (left, right)]
+    rising = min(left.rising, right.rising) > 0
+    if not rising and not all(ends):
+        return False
+    a, b = left.place.point, right.place.point
+    return not (backed(a, b) and any(_crossed(*pair) for pair in product(*ends)))
 
 
 def _same_place(a: Place, b: Place) -> bool:
@@ -116,18 +124,20 @@ def _by_lines(edges: list[Edge], jambs: list[Jamb], handles: list[Place], backed
                 continue
             if not DOOR_WIDTH_M[0] <= b.right_of(a) <= DOOR_WIDTH_M[1]:
                 continue
-            if _crossed(left, right) or not _may_be_door(a, b, backed):
+            closed = backed(a, b)
+            if (closed and _crossed(left, right)) or not (closed or _is_open(a, b, backed)):
                 continue
-            votes = _votes(left, right, edges)
-            if any(_at_hand(a, b, place) for place in handles):
-                votes += HANDLE_VOTES
+            votes = _votes(left, right, edges) + (HANDLE_VOTES if _has_handle(a, b, handles) else 0)
             found.append((-votes, -min(left.place.count, right.place.count), i, j))
     used: set[int] = set()
     spans = []
     for votes, _, i, j in sorted(found):
         if i not in used and j not in used:
             used |= {i, j}
-            spans.append(Span(_edge(Side.LEFT, jambs[i]), _edge(Side.RIGHT, jambs[j]), -votes >= VOTES_MIN))
+            left, right = jambs[i], jambs[j]
+            # From near by no picture reaches so high that a jamb could rise above anything
+            needed = VOTES_MIN if left.risen or right.risen else VOTES_MIN - 1
+            spans.append(Span(_edge(Side.LEFT, left), _edge(Side.RIGHT, right), -votes >= needed))
     return spans
 
 
@@ -136,11 +146,9 @@ def _edge(side: Side, jamb: Jamb) -> Edge:
 
 
 def _crossed(left: Jamb, right: Jamb) -> bool:
-    """A sill or a rim leads from one jamb to the other; what is seen through a door does so now and then."""
-    return all(
-        jamb.crossed[inwards] >= CROSSED_MIN * jamb.place.count
-        for jamb, inwards in ((left, Side.RIGHT), (right, Side.LEFT))
-    )
+    """A sill or a rim leads from one jamb to the other; what is seen through glass does so now and then."""
+    shares = [jamb.crossed[inwards] / jamb.place.count for jamb, inwards in ((left, Side.RIGHT), (right, Side.LEFT))]
+    return min(shares) >= CROSSED_BOTH or max(shares) >= CROSSED_ONE
 
 
 def _near(a: Place, b: Place) -> bool:
@@ -161,13 +169,15 @@ def _votes(left: Jamb, right: Jamb, edges: list[Edge]) -> int:
     return sum((risen, doubled, alike, capped, *colour))
 
 
-def _at_hand(a: WallPoint, b: WallPoint, handle: Place) -> bool:
-    """Whether a handle is between two jambs, near to one of them."""
-    at = handle.point
-    if handle.count < HANDLES_MIN or not same_wall(a, at) or at.off(a) > OFF_WALL_M:
-        return False
-    inset_m = min(at.right_of(a), b.right_of(at))
-    return HANDLE_INSET_M[0] <= inset_m <= HANDLE_INSET_M[1]
+def _has_handle(a: WallPoint, b: WallPoint, handles: list[Place]) -> bool:
+    """Whether a handle is near to one of two jambs, and not one of many things between them: then it is furniture."""
+    insets_m = [
+        min(at.right_of(a), b.right_of(at))
+        for handle in handles
+        if handle.count >= HANDLES_MIN and same_wall(a, at := handle.point) and at.off(a) <= OFF_WALL_M
+    ]
+    between = [inset_m for inset_m in insets_m if inset_m > 0.0]
+    return len(between) <= HANDLES_MAX and any(HANDLE_INSET_M[0] <= v <= HANDLE_INSET_M[1] for v in between)
 
 
 def _overlap(span: Span, other: Span) -> bool:

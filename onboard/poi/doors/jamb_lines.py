@@ -30,7 +30,7 @@ BORDER_M = 0.05  # a jamb nearer to the picture's border may be cut
 BESIDE_M = (0.02, 0.30)  # from a jamb: where lines that lead away from it are looked for
 BESIDE_MIN_M = 0.2  # of which so much must be in the picture
 PARTS = 4  # of that, in all of which such a line shows
-CROSSED_M = (0.97, 1.86)  # heights of sills, and of the rims of boards
+CROSSED_M = (0.82, 1.86)  # heights of sills, and of the rims of boards
 LINTEL_M = (1.93, 2.3)  # of a door
 LINTEL_SEEN_M = 2.1  # a picture that reaches no higher shows none
 
