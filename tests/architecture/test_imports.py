@@ -76,6 +76,7 @@ def test_no_program_imports_tests() -> None:
         ("mujoco", ("offboard/simulator",)),
         ("filterpy", ("onboard/mmu",)),
         ("scipy", ("onboard/mmu", "offboard")),
+        *((package, ("offboard/export",)) for package in ("ezdxf", "mcap", "reportlab", "rosbags")),
     ],
 )
 def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ...]) -> None:

@@ -19,8 +19,9 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from common.codec import encode
-from common.messages import LOG, POSE, LogLine, PoseEstimate
+from common.messages import LOG, POSE, LogLine, Outcome, PoseEstimate
 from common.recording import RecordedMessage
+from offboard.evaluate.summary import RunFacts, write_summary
 from offboard.export.formats import export
 from offboard.export.json_schema import as_json, schema_of
 from offboard.export.run_time import RunTime
@@ -251,6 +252,13 @@ def test_stamping_keeps_every_pose_of_the_truth_and_adds_one_per_estimate_once(t
     assert set(times_s) == set(before_s) | set(estimate_s)
     assert np.all(np.diff(times_s) > 0)
     np.testing.assert_allclose(poses[np.isin(times_s, before_s)], before, atol=2e-4)
+
+
+def test_the_end_of_a_run_in_simulation_stamps_its_truth(tmp_path: Path) -> None:
+    run = simulated_run(tmp_path / "run")
+    write_summary(run, RunFacts("loop", 1, 0, {}, Outcome.FINISHED, "home", 60.0, 1.0, {}))
+    estimate_s, _ = read_tum(run / "trajectory_smoothed.tum")
+    assert set(estimate_s) <= set(read_tum(run / "truth.tum")[0])
 
 
 def test_the_truth_of_a_run_that_was_cut_off_gets_its_stamps_in_the_export(tmp_path: Path) -> None:
