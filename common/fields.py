@@ -61,6 +61,7 @@ MetresPerSecond = Annotated[float, Within(-100.0, 100.0)]
 Spread = Annotated[float, Within(0.0, inf)]  # a standard deviation; infinite where nothing is known
 Share = Annotated[float, Within(0.0, 1.0)]
 Volts = Annotated[float, Within(0.0, 100.0)]
+CpuShare = Annotated[float, Within(0.0, 1e3)]  # of one core
 Load = Annotated[float, Within(0.0, 1e4)]  # programs that want a core
 Celsius = Annotated[float, Within(-100.0, 300.0, or_nan=True)]  # NaN where nothing measures it
 SquareMetres = Annotated[float, Within(0.0, 1e10)]

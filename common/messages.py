@@ -31,6 +31,7 @@ from common.fields import (
     Challenge,
     CommandId,
     Count,
+    CpuShare,
     Epoch,
     ErrorNumber,
     Formerly,
@@ -372,6 +373,7 @@ class Status:
     heartbeat_count: Annotated[Count, Formerly("beats")]  # passes of the module's own loop
     detail: Text = ""
     valid: bool = True
+    cpu_share: CpuShare = 0.0  # of its process, over the last second; 0 where nobody measures it
 
 
 @dataclass(frozen=True, slots=True)

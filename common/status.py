@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
+import time
 from pathlib import Path
 
 from common.bus import Bus, LocalBus
@@ -42,7 +43,8 @@ class StatusReporter:
         self._log = logging.getLogger(module)
         self._heartbeat_count = 0
         self._pace, self._memory_pace = StatusPace(), Pace(MEMORY_PERIOD_S)
-        self._memory_kb = 0
+        self._memory_kb, self._cpu_share = 0, 0.0
+        self._measured_s: tuple[float, float] | None = None  # wall and processor time of the newest measurement
         self._last: tuple[str, ErrorCode, bool] | None = None  # as published
         self._logged: tuple[str, ErrorCode, bool] | None = None  # as logged
 
@@ -80,14 +82,22 @@ class StatusReporter:
             self._log.info("state=%s error=%s ready=%s %s", state, error.name, ready, detail)
         if not self._pace.due(now_s, urgent):
             return
+        cpu_share = 0.0
         if memory_kb is None:
-            memory_kb = self._own_memory_kb(bus, now_s)
+            self._measure(bus, now_s)
+            memory_kb, cpu_share = self._memory_kb, self._cpu_share
         self._last = current
-        status = Status(now_s, state, int(error), memory_kb, ready, self._heartbeat_count, detail)
+        status = Status(now_s, state, int(error), memory_kb, ready, self._heartbeat_count, detail, cpu_share=cpu_share)
         bus.publish(self._topic, status, news=urgent)
 
-    def _own_memory_kb(self, bus: Bus, now_s: float) -> int:
+    def _measure(self, bus: Bus, now_s: float) -> None:
+        """Memory and processor of this process, now and then."""
         # Nodes in lockstep share one process: none has memory of its own, and a run must repeat to the bit
-        if not isinstance(bus, LocalBus) and self._memory_pace.due(now_s):
-            self._memory_kb = resident_memory_kb()
-        return self._memory_kb
+        if isinstance(bus, LocalBus) or not self._memory_pace.due(now_s):
+            return
+        self._memory_kb = resident_memory_kb()
+        measured_s = time.monotonic(), time.process_time()
+        if self._measured_s is not None and measured_s[0] > self._measured_s[0]:
+            wall_s, cpu_s = (new - old for new, old in zip(measured_s, self._measured_s, strict=True))
+            self._cpu_share = round(cpu_s / wall_s, 3)
+        self._measured_s = measured_s

@@ -43,6 +43,7 @@ from common.messages import (
 from common.status import StatusReporter
 from offboard.command_center.board_watch import BoardRow, board_row
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry
+from offboard.command_center.module_health import HealthHistory
 from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
 from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
 from offboard.operate import operations
@@ -87,6 +88,7 @@ class CommandCenter:
         self._snapshot = Snapshot(clock())
         self._status = StatusReporter(self.name)
         self._rates = {module: RateMeter() for module in STATUS}
+        self._histories = {module: HealthHistory() for module in STATUS}
         self._logs = deque(earlier_log)
         self._dropped = 0
         self._shown_topics: frozenset[str] = frozenset()
@@ -203,9 +205,12 @@ class CommandCenter:
         self._logs.append(entry)
 
     def _row(self, bus: Bus, module: str, now_s: float) -> ModuleRow:
-        topic, meter = STATUS[module], self._rates[module]
-        meter.add(len(self._take(bus, topic, now_s)), now_s)
-        return ModuleRow(module, bus.latest(topic), bus.age_s(topic), meter.rate_hz(now_s))
+        topic, meter, history = STATUS[module], self._rates[module], self._histories[module]
+        statuses = self._take(bus, topic, now_s)
+        meter.add(len(statuses), now_s)
+        for status in statuses:
+            history.add(status, now_s)
+        return ModuleRow(module, bus.latest(topic), bus.age_s(topic), meter.rate_hz(now_s), history.samples)
 
     def _boards(self, bus: Bus) -> tuple[BoardRow, ...]:
         wall_s = self._wall_clock()

@@ -8,6 +8,7 @@ from enum import Enum
 
 from common.errors import ERRORS, ErrorCode
 from common.messages import Status
+from offboard.command_center.module_health import Sample
 
 STALE_S = 1.0
 GONE_S = 5.0
@@ -67,6 +68,7 @@ class ModuleRow:
     status: Status | None
     age_s: float
     rate_hz: float
+    samples: tuple[Sample, ...] = ()
 
     @property
     def freshness(self) -> Freshness:

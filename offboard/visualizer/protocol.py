@@ -90,6 +90,7 @@ def _modules(model: LiveModel) -> Iterator[dict[str, Any]]:
                 "state": status.state,
                 "ready": status.ready,
                 "memory_kb": status.memory_kb,
+                "cpu_share": status.cpu_share,
                 "detail": status.detail,
                 "error": status.error_code,
                 "meaning": error.meaning,

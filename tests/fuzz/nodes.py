@@ -262,12 +262,16 @@ class NoServer:
         """Nobody looked."""
 
 
+PIECES = ("plan", "map", "modules", "pois", "trail", "grid")  # channels of the page that may wait
+
+
 def visualizer(bus: WireBus) -> Stage:
     feed = Feed()
     client = feed.client()
 
     def beside(now_s: float) -> None:
-        client.changes()
+        while client.urgent() is not None or any(client.bulk(channel) is not None for channel in PIECES):
+            pass
         client.heartbeat()
 
     return Stage(Visualizer(feed, NoServer()), bus, _read_by("visualizer"), beside)  # type: ignore[arg-type]

@@ -6,6 +6,7 @@ from rich.text import Text
 from textual.widgets import DataTable
 
 from common.modules import MODULES, SPECIFIED
+from offboard.command_center.module_health import health_text
 from offboard.command_center.module_watch import Freshness, ModuleRow
 from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.titles import title
@@ -17,6 +18,7 @@ COLUMNS = (
     ("state", "state", 10),
     ("age", "age", 12),
     ("memory", "memory", 7),
+    ("cpu", "cpu", 5),
     ("rate", "rate", 5),
     ("error", "error → what to do", 100),
 )
@@ -43,15 +45,17 @@ def cells(row: ModuleRow) -> tuple[Text, ...]:
     name = Text(row.module.replace("_", " "), style=old or "bold")
     code = Text(_CODES.get(row.module, ""), style=_DIM)
     if status is None:
-        return name, code, Text("–", _DIM), Text("no message", _DIM), Text("–", _DIM), Text("–", _DIM), Text("")
+        return name, code, Text("–", _DIM), Text("no message", _DIM), *(Text("–", _DIM) for _ in range(3)), Text("")
     state = Text(status.state, style=old or ("" if status.ready else "#e3b341"))
     memory = Text(memory_text(status.memory_kb), style=old, justify="right")
+    used = f"{100 * status.cpu_share:.0f} %" if status.cpu_share else "–"
+    cpu = Text(used, style=old, justify="right")
     rate = Text(f"{row.rate_hz:.0f} Hz", style=old, justify="right")
     if fresh is Freshness.LIVE:
         age = Text("● live", style=_GOOD)
     else:
         age = Text(f"{fresh.value} {age_text(row.age_s)}", style=_BAD)
-    return name, code, state, age, memory, rate, _error(row, old)
+    return name, code, state, age, memory, cpu, rate, _error(row, old)
 
 
 def _error(row: ModuleRow, old: str) -> Text:
@@ -93,3 +97,7 @@ class ModuleTable(DataTable[Text]):
             self._shown[row.module] = new
         live = sum(row.freshness is Freshness.LIVE for row in snapshot.rows)
         self.border_title = title(f"MODULES {live}/{len(snapshot.rows)} live")
+        if snapshot.rows:
+            marked = snapshot.rows[self.cursor_row]
+            text = health_text(marked.samples)
+            self.border_subtitle = title(f"{marked.module.replace('_', ' ')}: {text}" if text else "")

@@ -142,7 +142,8 @@ export class Panel {
     icon(row, { well: "check", fault: "warning", silent: "cross", absent: "ring" }[health]);
     set(row.querySelector("b"), module.title);
     const memory = module.memory_kb ? ` · ${(module.memory_kb / MEMORY_KB).toFixed(module.memory_kb < 10240 ? 1 : 0)} MB` : "";
-    const said = { absent: "not there", silent: `silent for ${since(age)}` }[health] ?? module.state + memory;
+    const cpu = module.cpu_share ? ` · ${Math.max(1, Math.round(100 * module.cpu_share))} % cpu` : "";
+    const said = { absent: "not there", silent: `silent for ${since(age)}` }[health] ?? module.state + memory + cpu;
     set(row.querySelector("span"), said);
     set(row.querySelector("small"), module.error ? `${module.error}: ${module.meaning}; ${module.action}` : "");
     row.title = module.detail || "";

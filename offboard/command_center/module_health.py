@@ -1,0 +1,70 @@
+"""Memory and processor of a module over the last ten minutes: its reports -> one line of words and small bars. Pure."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from common.messages import Status
+
+SAMPLE_S = 10.0
+KEPT_S = 600.0
+_BARS = "▁▂▃▄▅▆▇█"
+_BARS_MAX = 20
+_KB_PER_MB = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The most of what was reported within SAMPLE_S."""
+
+    memory_kb: int
+    cpu_share: float  # of one core
+
+
+class HealthHistory:
+    """`add` every report; `samples` of KEPT_S, oldest first."""
+
+    def __init__(self) -> None:
+        self.samples: tuple[Sample, ...] = ()
+        self._kept: deque[Sample] = deque(maxlen=round(KEPT_S / SAMPLE_S))
+        self._current: Sample | None = None
+        self._until_s = float("-inf")
+
+    def add(self, status: Status, now_s: float) -> None:
+        sample = Sample(status.memory_kb, status.cpu_share)
+        if now_s < self._until_s and self._current is not None:
+            old = self._current
+            self._current = Sample(max(old.memory_kb, sample.memory_kb), max(old.cpu_share, sample.cpu_share))
+            return
+        if self._current is not None:
+            self._kept.append(self._current)
+            self.samples = tuple(self._kept)
+        self._current, self._until_s = sample, now_s + SAMPLE_S
+
+
+def health_text(samples: Sequence[Sample]) -> str:
+    """From the least to the most of each, and how it went; empty where there is nothing yet."""
+    if not samples:
+        return ""
+    memory = [sample.memory_kb / _KB_PER_MB for sample in samples]
+    cpu = [100 * sample.cpu_share for sample in samples]
+    minutes = len(samples) * SAMPLE_S / 60
+    parts = [f"memory {_span(memory)} MB {bars(memory)}"]
+    if any(cpu):
+        parts.append(f"cpu {_span(cpu)} % {bars(cpu)}")
+    return f"{' · '.join(parts)} · last {minutes:.0f} min" if minutes >= 1 else " · ".join(parts)
+
+
+def bars(values: Sequence[float]) -> str:
+    """The newest as the last bar; from zero to the largest."""
+    size = -(-len(values) // _BARS_MAX)
+    groups = [max(values[max(0, end - size) : end]) for end in range(len(values), 0, -size)][::-1]
+    top = max(groups)
+    return "".join(_BARS[round((len(_BARS) - 1) * value / top)] if top > 0 else _BARS[0] for value in groups)
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = (f"{value:.0f}" for value in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
