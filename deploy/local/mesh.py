@@ -154,13 +154,13 @@ class LocalRun:
         print(f"To look at it again: indoor-mapping view {run}", flush=True)
         if not has_terminal():
             return
-        from offboard.visualizer.run_view import feed_of_run, serve  # here, because no run needs them before its end
+        from offboard.visualizer.run_view import recorded_run, serve  # here, because no run needs them before its end
 
         def on_address(address: str) -> None:
             print(f"The map stays at {address} while a page is open there; Ctrl-C ends.", flush=True)
 
         try:
-            serve(feed_of_run(run), self._config.visualizer, self._stop, on_address, UNWATCHED_S)
+            serve(recorded_run(run), self._config.visualizer, self._stop, on_address, UNWATCHED_S)
         except StartError as error:
             _log.warning("%s", error)
 

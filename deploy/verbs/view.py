@@ -23,7 +23,7 @@ def add_verbs(verbs: Any) -> None:
 
 
 def _view(arguments: argparse.Namespace) -> int:
-    from offboard.visualizer.run_view import feed_of_run, serve  # here, because the other verbs need none of it
+    from offboard.visualizer.run_view import recorded_run, serve  # here, because the other verbs need none of it
 
     folder: Path = arguments.folder
     if not folder.is_dir() and (RUNS_FOLDER / folder).is_dir():
@@ -32,5 +32,5 @@ def _view(arguments: argparse.Namespace) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     page = VisualizerSection(host=arguments.host, port=arguments.port)
-    serve(feed_of_run(folder), page, stop, lambda address: print(f"{folder}: {address} (Ctrl-C ends)", flush=True))
+    serve(recorded_run(folder), page, stop, lambda address: print(f"{folder}: {address} (Ctrl-C ends)", flush=True))
     return 0

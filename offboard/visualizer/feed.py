@@ -47,8 +47,35 @@ class Feed:
             self.on_change()
 
     def take_operator(self, view: OperatorView) -> None:
+        self._show("operator", view)
+
+    def take_playback(self, view: object) -> None:
+        self._show("playback", view)
+
+    def take_moments(self, moments: tuple[object, ...]) -> None:
+        self._show("moments", moments)
+
+    def take_many(self, messages: Iterable[tuple[Topic[Any], Any]]) -> None:
+        """Of a recording, as one change."""
         with self._lock:
-            self._model.take_operator(view)
+            self._take_all(messages)
+        self.on_change()
+
+    def begin_anew(self, messages: Iterable[tuple[Topic[Any], Any]]) -> None:
+        """From the beginning of a recording on, as one change."""
+        with self._lock:
+            self._model.begin_anew()
+            self._take_all(messages)
+        self.on_change()
+
+    def _take_all(self, messages: Iterable[tuple[Topic[Any], Any]]) -> None:
+        for topic, message in messages:
+            self._model.take(topic, message, self._clock())
+        self._model.path_changed()
+
+    def _show(self, channel: str, value: object) -> None:
+        with self._lock:
+            self._model.show(channel, value)
         self.on_change()
 
     def refresh_pois(self) -> None:

@@ -73,6 +73,8 @@ class LiveModel:
         self.plan: PlannerView | None = None
         self.permit: Permit | None = None
         self.operator: OperatorView | None = None
+        self.playback: object = None  # of a recorded run: where the page is in it, and moments to look at
+        self.moments: tuple[object, ...] = ()
         self.grid: GridUpdate | None = None
         self.statuses: dict[str, Status] = {}
         self.pois: dict[int, PoiRecord] = {}
@@ -108,8 +110,24 @@ class LiveModel:
             self.arrived_s["pose"] = arrived_s
         self._takers[topic.key](message)
 
-    def take_operator(self, view: OperatorView) -> None:
-        self._replace("operator", view)
+    def show(self, channel: str, value: object) -> None:
+        """What comes from no module: `operator`, `playback` or `moments`."""
+        self._replace(channel, value)
+
+    def begin_anew(self) -> None:
+        """Map, path and points of interest are those that come from now on."""
+        epoch, _ = self.tokens["map"]
+        self._assembly = MapAssembly()
+        self.points_m, self.inferred = self._assembly.known()
+        self.tokens["map"] = epoch + 1, 0
+        self._smoothed = np.empty((0, 3))
+        self._since.clear()
+        self.pois.clear()
+        self._changed("pois")
+
+    def path_changed(self) -> None:
+        """More came at once than one pose."""
+        self._changed("trail")
 
     def take_stored(self, records: Iterable[PoiRecord]) -> None:
         """Points of interest as the recorder has kept them; what came live and is newer stays."""

@@ -21,7 +21,7 @@ WINDOW_BYTES = 12_000  # 0.6 s of a link of 20 kB/s; over 300 ms there and back 
 HEARTBEAT_PERIOD_S = 0.2
 MODULES_PERIOD_S = 1.0  # what they report is text for people; their ages come with every heartbeat
 # Half of all pieces are the map's: it is what a page that was just opened waits for
-_TURNS = ("plan", "map", "modules", "map", "pois", "map", "trail", "map", "grid", "map")
+_TURNS = ("plan", "map", "modules", "map", "moments", "map", "pois", "map", "trail", "map", "grid", "map")
 
 
 class Outbound:

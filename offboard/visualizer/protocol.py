@@ -13,7 +13,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Iterable, Iterator
 from math import isfinite
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -180,6 +180,14 @@ def _operator(model: LiveModel) -> PageMessage:
     return text_message("operator", **dataclasses.asdict(model.operator))
 
 
+def _playback(model: LiveModel) -> PageMessage:
+    return text_message("playback", **dataclasses.asdict(cast(Any, model.playback)))
+
+
+def _moments(model: LiveModel) -> PageMessage:
+    return text_message("moments", moments=[dataclasses.asdict(cast(Any, moment)) for moment in model.moments])
+
+
 def _pois(model: LiveModel) -> PageMessage:
     return text_message("pois", pois=[dataclasses.asdict(record) for record in model.pois.values()])
 
@@ -192,10 +200,12 @@ _MAKERS: dict[str, Callable[[LiveModel], PageMessage]] = {
     "pose": _pose,
     "mission": _mission,
     "operator": _operator,
+    "playback": _playback,
+    "moments": _moments,
     "plan": _plan,
     "modules": _module_list,
     "pois": _pois,
     "trail": _trail,
     "grid": _grid,
 }
-_URGENT = ("pose", "mission", "operator")
+_URGENT = ("pose", "mission", "operator", "playback")

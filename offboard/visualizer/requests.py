@@ -1,4 +1,4 @@
-"""What a page may send: that it has received something, or an order. Text of the socket -> values. Pure.
+"""What a page may send: what it has received, an order, which moment of a recorded run it wants. Text -> values. Pure.
 
 A stop needs nothing. Everything else needs the token that the server gives to pages on its own machine, with the first
 message of a socket whose Origin and Host it has checked: another site's page can neither open that socket nor read it.
@@ -40,7 +40,15 @@ class Order:
     y_m: float = 0.0
 
 
-def parse(text: str, token: str) -> Confirmation | Order:
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A recorded run from this moment on (None: from where it is), so many times as fast; 0 stands."""
+
+    at_s: float | None
+    speed: float
+
+
+def parse(text: str, token: str) -> Confirmation | Order | Replay:
     """`token`: what an order must carry; with an empty one none but a stop is taken. Raises BadRequest."""
     try:
         message = json.loads(text)
@@ -48,7 +56,16 @@ def parse(text: str, token: str) -> Confirmation | Order:
         raise BadRequest("no JSON") from error
     if not isinstance(message, dict):
         raise BadRequest("no message")
+    if "replay" in message:
+        return _replay(message["replay"])
     return _order(message, token) if "order" in message else _confirmation(message)
+
+
+def _replay(wanted: Any) -> Replay:
+    if not isinstance(wanted, dict):
+        raise BadRequest("no moment")
+    at_s = wanted.get("at_s")
+    return Replay(None if at_s is None else _number(at_s), _number(wanted.get("speed")))
 
 
 def _confirmation(message: dict[str, Any]) -> Confirmation:

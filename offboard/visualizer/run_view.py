@@ -10,6 +10,7 @@ import logging
 import time
 import zlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from threading import Event
@@ -41,6 +42,7 @@ from offboard.runs.run_folder import DATABASE_NAME, RunFolderError, files_of_run
 from offboard.runs.run_list import RunLine, read_run
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import ShownRun
+from offboard.visualizer.playback import Playback
 from offboard.visualizer.poi_store import RunFolderPois
 from offboard.visualizer.server import PageServer
 
@@ -50,7 +52,15 @@ _LAST: tuple[Topic[Any], ...] = (POSE, PLAN, PERMIT, *STATUS.values())
 _log = logging.getLogger("view")
 
 
-def feed_of_run(run_dir: Path) -> Feed:
+@dataclass(frozen=True, slots=True)
+class RecordedRun:
+    """Its end, and where it can be played: its database."""
+
+    feed: Feed
+    playback: Playback | None
+
+
+def recorded_run(run_dir: Path) -> RecordedRun:
     """The run as it was at its end. Raises RunFolderError where there is none, or a file of it is damaged."""
     if not files_of_run(run_dir):
         raise RunFolderError(f"There is no recorded run at {run_dir}; `indoor-mapping runs` lists the runs.")
@@ -59,11 +69,12 @@ def feed_of_run(run_dir: Path) -> Feed:
     _take_files(feed, run_dir)
     if (run_dir / DATABASE_NAME).exists():
         _take_last_messages(feed, clock, run_dir)
-    return feed
+        return RecordedRun(feed, Playback(run_dir, feed))
+    return RecordedRun(feed, None)
 
 
 def serve(
-    feed: Feed,
+    run: RecordedRun,
     page: VisualizerSection,
     stop: Event,
     on_address: Callable[[str], None],
@@ -73,8 +84,11 @@ def serve(
 
     Calls `on_address` as soon as it can be opened.
     """
-    server = PageServer(feed, page.host, page.port, Path(feed.run.name).resolve().name, page.names)
+    name = Path(run.feed.run.name).resolve().name
+    server = PageServer(run.feed, page.host, page.port, name, page.names, playback=run.playback)
     server.start()
+    if run.playback is not None:
+        run.playback.open()
     watched_s = time.monotonic()
     try:
         on_address(server.address)
@@ -82,6 +96,8 @@ def serve(
             watched_s = time.monotonic() if server.pages else watched_s
     finally:
         server.close()
+        if run.playback is not None:
+            run.playback.close()
 
 
 class _RunClock:

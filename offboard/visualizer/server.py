@@ -16,6 +16,7 @@ from contextlib import asynccontextmanager
 from hashlib import sha256
 from ipaddress import ip_address
 from pathlib import Path
+from typing import Protocol
 from urllib.parse import urlsplit
 
 import uvicorn
@@ -37,7 +38,7 @@ from offboard.visualizer.exports import Exports, attachment
 from offboard.visualizer.feed import Feed, Held
 from offboard.visualizer.operator import NoOperator, Operator
 from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
-from offboard.visualizer.requests import BadRequest, Confirmation, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, Replay, parse
 
 PAGE = Path(__file__).with_name("page")
 PAGES_MAX = 32  # the other connections are for files, photos and exports
@@ -100,6 +101,18 @@ class _KnownHosts(TrustedHostMiddleware):
             await super().__call__(scope, receive, send)
 
 
+class Playback(Protocol):
+    """Of a recorded run."""
+
+    def show(self, at_s: float | None, speed: float) -> None: ...
+
+
+class NoPlayback:
+    """Of a live run, which has the present moment only."""
+
+    def show(self, at_s: float | None, speed: float) -> None: ...
+
+
 class PageServer:
     """Listens from the start on, so that a taken port is known at once; serves from `start` to `close`.
 
@@ -114,9 +127,11 @@ class PageServer:
         robot: str = "robot",
         names: Sequence[str] = (),
         operator: Operator | None = None,
+        playback: Playback | None = None,
     ) -> None:
         """`names`: further host names under which browsers may request the page."""
         self._operator = operator or NoOperator()
+        self._playback: Playback = playback or NoPlayback()
         self._token = secrets.token_urlsafe(16)
         keep_log_brief()
         self._feed = feed
@@ -266,6 +281,8 @@ class PageServer:
                 request = parse(event.get("text") or "", token)
                 if isinstance(request, Confirmation):
                     outbound.confirm(request)
+                elif isinstance(request, Replay):
+                    self._playback.show(request.at_s, request.speed)
                 elif request.operation is None:
                     self._operator.stop()
                 else:

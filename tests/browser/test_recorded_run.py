@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Event, Thread
+from typing import Any
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from common.codec import encode
 from common.config import VisualizerSection
+from common.messages import MAP, POI, POSE, MapUpdate, PointOfInterest, PoseEstimate, Topic
+from common.recording import RecordedMessage
 from offboard.runs import run_folder
-from offboard.visualizer.feed import Feed
+from offboard.runs.run_schema import Delivery, RunDatabase
 from offboard.visualizer.live_model import ShownRun
-from offboard.visualizer.run_view import feed_of_run, serve
+from offboard.visualizer.run_view import RecordedRun, recorded_run, serve
 from tests.browser.conftest import Robot, Visit, photo
 
 pytestmark = pytest.mark.timeout(60)
@@ -41,12 +45,12 @@ def run(tmp_path: Path) -> Path:
 
 
 class Served:
-    """The page of a feed, served until it is closed."""
+    """The page of a run, served until it is closed."""
 
-    def __init__(self, feed: Feed, port: int = 0, unwatched_s: float = float("inf")) -> None:
+    def __init__(self, run: RecordedRun, port: int = 0, unwatched_s: float = float("inf")) -> None:
         self._stop, self._there = Event(), Event()
         self.address = ""
-        arguments = feed, VisualizerSection(port=port), self._stop, self._has, unwatched_s
+        arguments = run, VisualizerSection(port=port), self._stop, self._has, unwatched_s
         self.thread = Thread(target=serve, args=arguments, daemon=True)
         self.thread.start()
         assert self._there.wait(10.0)
@@ -62,7 +66,7 @@ class Served:
 
 @pytest.fixture
 def served(run: Path) -> Iterator[Served]:
-    made = Served(feed_of_run(run))
+    made = Served(recorded_run(run))
     yield made
     made.close()
 
@@ -93,7 +97,7 @@ def test_a_page_that_watched_the_run_shows_it_on_when_the_mesh_has_ended(run: Pa
     robot.server.close()
     seen.until_link("ended")
     expect(seen.page.locator("#banner")).to_contain_text(f"To see the run again: indoor-mapping view {run}")
-    served = Served(feed_of_run(run), robot.server.port, unwatched_s=4.0)
+    served = Served(recorded_run(run), robot.server.port, unwatched_s=4.0)
     try:
         seen.until_link("recorded")
         expect(seen.page.locator(".marker")).to_have_count(2)
@@ -104,3 +108,51 @@ def test_a_page_that_watched_the_run_shows_it_on_when_the_mesh_has_ended(run: Pa
         assert not served.thread.is_alive(), "it went on though nobody looked"
     finally:
         served.close()
+
+
+@pytest.fixture
+def played(run: Path) -> Iterator[Served]:
+    """The same run with its database: 20 s along the hall, a door on the way, the wall seen after 10 s."""
+    database = RunDatabase(run / run_folder.DATABASE_NAME, None, 1)
+    for k in range(201):
+        t_s = k / 10.0
+        payloads: list[tuple[Topic[Any], Any]] = [(POSE, PoseEstimate(t_s, 0.3 * t_s, 0.0, 0.0, 0.0, 0.01, 0.01, 1))]
+        if k in (20, 100):
+            xs = np.arange(0.0, 4.0, 0.1) + (4.0 if k == 100 else 0.0)
+            points = np.column_stack([xs, np.full(len(xs), -1.25)]).astype(np.float32)
+            payloads.append((MAP, MapUpdate(t_s, 1, 0 if k == 20 else 40, points, np.zeros(len(xs), np.uint8))))
+        if k == 60:
+            payloads.append((POI, PointOfInterest(t_s, 1, "Door", "101", 2.0, -1.25, "101", "Office", 0.9, "read")))
+        messages = [RecordedMessage(topic.key, 7, k + 1, encode(payload, k + 1, 7)) for topic, payload in payloads]
+        database.store_data(Delivery(100.0 + t_s, messages))
+    database.close()
+    made = Served(recorded_run(run))
+    yield made
+    made.close()
+
+
+POSITION = "import('./main.js').then(({ model }) => [model.pose.x_m, model.walls.length, model.pois.length])"
+
+
+def test_a_recorded_run_is_played_from_any_moment_on(played: Served, visit: Open) -> None:
+    seen = visit(None, at=played.address)
+    seen.until_link("recorded")
+    page = seen.page
+    expect(page.locator("#clock")).to_have_text("0:20 / 0:20")
+    page.get_by_role("button", name="Door 101").last.wait_for(state="attached")
+
+    def at(seconds: float, *, points: int, doors: int) -> None:
+        page.get_by_label("Moment of the run").fill(str(seconds))
+        shown = [pytest.approx(0.3 * seconds, abs=0.05), points, doors]
+        seen.until(lambda: page.evaluate(POSITION) == shown, f"the moment {seconds} s")
+        expect(page.locator("#clock")).to_have_text(f"0:{int(seconds):02} / 0:20")
+
+    at(1.0, points=0, doors=0)
+    at(5.0, points=40, doors=0)
+    at(15.0, points=80, doors=1)
+    at(3.0, points=40, doors=0)
+    page.get_by_label("Speed").select_option("30")
+    page.get_by_role("button", name="Play").click()
+    seen.until(lambda: page.evaluate(POSITION)[1] == 80, "the second wall")
+    expect(page.locator("#clock")).to_have_text("0:20 / 0:20")
+    expect(page.get_by_role("button", name="Play")).to_be_visible()

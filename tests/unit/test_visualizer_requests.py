@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.messages import Operation
-from offboard.visualizer.requests import BadRequest, Confirmation, Order, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, Order, Replay, parse
 
 TOKEN = "secret"
 
@@ -58,6 +58,17 @@ def test_a_place_that_is_none_is_refused(x_m: str) -> None:
 def test_what_no_page_sends_is_refused(text: str) -> None:
     with pytest.raises(BadRequest):
         parse(text, TOKEN)
+
+
+def test_a_moment_of_a_recorded_run_needs_no_right() -> None:
+    assert parse('{"replay": {"at_s": 12.5, "speed": 2}}', "") == Replay(12.5, 2.0)
+    assert parse('{"replay": {"at_s": null, "speed": 0}}', "") == Replay(None, 0.0)
+
+
+@pytest.mark.parametrize("wanted", ["1", "null", "{}", '{"at_s": "x", "speed": 1}', '{"at_s": 1, "speed": NaN}'])
+def test_a_moment_that_is_none_is_refused(wanted: str) -> None:
+    with pytest.raises(BadRequest):
+        parse(f'{{"replay": {wanted}}}', "")
 
 
 def test_a_confirmation_is_bytes_and_a_time() -> None:

@@ -12,6 +12,7 @@ import { Orders } from "./orders.js";
 import { place } from "./poi_text.js";
 import { Paper } from "./paper.js";
 import { ScreenScale } from "./screen_scale.js";
+import { Timeline } from "./timeline.js";
 
 const AGE_PERIOD_MS = 200;
 const CLOSE_UP = 34; // CSS pixels per metre, to look at a point of interest
@@ -36,6 +37,7 @@ const orders = new Orders(model, {
   send: (message) => link.send(message),
   picking: (onPick) => gestures.pick(onPick),
 });
+const timeline = new Timeline(model, (message) => link.send(message));
 const paper = new Paper(map, model, screenScale);
 const dialog = new PoiDialog({
   find: (id) => model.pois.find((poi) => poi.poi_id === id),
@@ -71,6 +73,8 @@ function take(channel, message) {
     dialog.followAddress();
   }
   if (channel === "grid") map.redecode();
+  if (channel === "playback") timeline.show();
+  if (channel === "playback" || channel === "moments") timeline.showMoments();
   if (channel === "operator" || channel === "hello") orders.show();
   const drawn = DRAWN[channel];
   if (drawn) map.draw(drawn === "below");
@@ -125,7 +129,8 @@ function key(event) {
   if (event.key === "Escape") $("export").open = false;
   if (event.key === " " && event.target.matches("body, canvas")) {
     event.preventDefault();
-    orders.stop();
+    if (model.playback) timeline.toggle();
+    else orders.stop();
   }
   if (event.key === "Escape" && orders.going) orders.leave();
   if (event.key === "/") {

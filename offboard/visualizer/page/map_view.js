@@ -6,6 +6,7 @@ const WALL = 0.09; // metres
 const FOOTPRINT_M = 0.22;
 const ROBOT_MIN_PX = 11;
 const MARGIN = { top: 56, right: 76, bottom: 64, left: 32 };
+const TIMELINE_PX = 58;
 const GRID_STEPS = [1, 5, 10, 50]; // metres between two lines
 const GRID_MIN_PX = 48;
 
@@ -133,7 +134,8 @@ export class MapView {
   }
 
   #margin() {
-    return this.view.width < 560 ? { top: 44, right: 60, bottom: 52, left: 16 } : MARGIN;
+    const margin = this.view.width < 560 ? { top: 44, right: 60, bottom: 52, left: 16 } : MARGIN;
+    return this.model.playback && !this.paper ? { ...margin, bottom: margin.bottom + TIMELINE_PX } : margin;
   }
 
   // All on the lower canvas, by way of a picture: Chromium prints what is drawn on a canvas as strokes, and a second one with
@@ -162,7 +164,9 @@ export class MapView {
   }
 
   #drawFloor(context) {
-    if (!this.floor) return;
+    const { playback } = this.model;
+    // The floor of a recorded run is known as it was in the end
+    if (!this.floor || (playback && playback.at_s < playback.duration_s)) return;
     const { tinted, grid } = this.floor;
     context.imageSmoothingEnabled = this.view.scale * grid.cell_m < 6;
     context.drawImage(tinted, ...grid.origin, grid.columns * grid.cell_m, grid.rows * grid.cell_m);

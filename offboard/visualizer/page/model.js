@@ -17,6 +17,8 @@ export class Model {
     this.run = ""; // its folder, where it is recorded
     this.token = ""; // with which this page may give orders
     this.operator = null; // {stop, answer, hindrance} of the robot's operator; null where only a run is shown
+    this.playback = null; // of a recorded run: {at_s, duration_s, speed}
+    this.moments = [];
     this.recorded = ""; // when that was; empty while the run goes on
     this.pose = null;
     this.plan = null;
@@ -137,6 +139,14 @@ export class Model {
 
   _operator(message) {
     this.operator = message;
+  }
+
+  _playback(message) {
+    this.playback = message;
+  }
+
+  _moments({ moments }) {
+    this.moments = moments;
   }
 
   _plan(message) {
