@@ -7,7 +7,7 @@ once.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.util import find_spec
@@ -16,28 +16,16 @@ from shutil import make_archive
 from tempfile import TemporaryDirectory
 
 from common.errors import StartError
+from offboard.export import exporters
 from offboard.export.title import TitleBlock
-from offboard.export.whole_file import written_whole
 from offboard.runs.run_folder import (
     DATABASE_NAME,
     MAP_PNG_NAME,
     MAP_POINTS_NAME,
     MAP_SVG_NAME,
-    PHOTO_FOLDER,
-    POIS_NAME,
-    SMOOTHED_NAME,
-    TRAJECTORY_NAME,
-    TRUTH_NAME,
     MapData,
-    RunFolderError,
     files_of_run,
-    map_points_parts,
-    read_map,
-    write_atomically,
 )
-
-Exporter = Callable[[Path, Path, TitleBlock], list[Path]]  # run folder, folder for the files -> the files
-Renderer = Callable[[MapData, TitleBlock], bytes]
 
 _log = logging.getLogger("export")
 
@@ -51,7 +39,7 @@ class LiveExport:
     """For the page, which has the map of now and no run folder."""
 
     media_type: str
-    make: Renderer
+    make: exporters.Renderer
 
     def render(self, data: MapData) -> bytes:
         return self.make(data, TitleBlock(date=f"{datetime.now():%Y-%m-%d %H:%M}"))
@@ -65,7 +53,7 @@ class ExportFormat:
     """
 
     title: str
-    of_run: Exporter
+    of_run: exporters.Exporter
     live: LiveExport | None = None
     needs: tuple[str, ...] = ()
     of_messages: bool = False
@@ -75,163 +63,50 @@ class ExportFormat:
         return [package for package in self.needs if find_spec(package) is None]
 
 
-def _svg(data: MapData, block: TitleBlock) -> bytes:
-    from offboard.export import map_picture
-
-    return map_picture.as_svg(data, block).encode()
-
-
-def _png(data: MapData, block: TitleBlock) -> bytes:
-    from offboard.export import map_picture
-
-    return map_picture.as_png(data, block)
-
-
-def _pdf(data: MapData, block: TitleBlock) -> bytes:
-    from offboard.export.pdf_sheets import as_pdf
-
-    return as_pdf(data, block)
-
-
-def _dxf(data: MapData, block: TitleBlock) -> bytes:
-    from offboard.export.dxf_plan import as_dxf
-
-    return as_dxf(data, block)
-
-
-def _points(data: MapData, _: TitleBlock) -> bytes:
-    return b"".join(map_points_parts(data.points_m, data.inferred))
-
-
-def _drawing(file_name: str, render: Renderer) -> Exporter:
-    def export(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
-        write_atomically(to / file_name, render(read_map(run_dir), block))
-        return [to / file_name]
-
-    return export
-
-
-def _copies(*names: str) -> Exporter:
-    """The files of the run folder that there are."""
-
-    def export(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
-        there = [name for name in names if (run_dir / name).exists()]
-        for name in there:
-            if not (run_dir / name).is_file():
-                raise RunFolderError(f"{run_dir / name} is no file.")
-            write_atomically(to / name, (run_dir / name).read_bytes())
-        return [to / name for name in there]
-
-    return export
-
-
-def _pois(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
-    """The records and the folder of their photos."""
-    written = _copies(POIS_NAME)(run_dir, to, block)
-    photos = run_dir / PHOTO_FOLDER
-    if photos.is_dir():
-        (to / PHOTO_FOLDER).mkdir(exist_ok=True)
-        for photo in filter(Path.is_file, sorted(photos.iterdir())):
-            write_atomically(to / PHOTO_FOLDER / photo.name, photo.read_bytes())
-        written.append(to / PHOTO_FOLDER)
-    return written
-
-
-def _trajectories(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
-    """The truth of a simulated run with the stamps of both, which a run that was cut off does not have yet."""
-    from offboard.runs.stamped_truth import stamp_truth
-
-    written = _copies(TRAJECTORY_NAME, SMOOTHED_NAME, TRUTH_NAME)(run_dir, to, block)
-    stamp_truth(to)
-    return written
-
-
-def _occupancy(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
-    from offboard.export.occupancy_image import image_of_run
-
-    image = image_of_run(run_dir)
-    written = [to / "map.pgm", to / "map.yaml"]
-    write_atomically(written[0], image.pgm())
-    write_atomically(written[1], image.yaml(written[0].name).encode())
-    return written
-
-
-def _geojson(run_dir: Path, to: Path, block: TitleBlock) -> list[Path]:
-    from offboard.export.geojson import as_geojson
-    from offboard.export.halls import spaces_of_run
-
-    write_atomically(to / "map.geojson", as_geojson(read_map(run_dir), spaces_of_run(run_dir), block))
-    return [to / "map.geojson"]
-
-
-def _geojson_without_halls(data: MapData, block: TitleBlock) -> bytes:
-    """The map of now has no free space, which halls are found in."""
-    from offboard.export.geojson import as_geojson
-
-    return as_geojson(data, (), block)
-
-
-def _tables(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
-    from offboard.export.halls import spaces_of_run
-    from offboard.export.tables import areas_table, doors_table
-
-    pois, spaces = read_map(run_dir).pois, spaces_of_run(run_dir)
-    written = [to / "doors.csv", to / "areas.csv"]
-    for path, table in zip(written, (doors_table, areas_table), strict=True):
-        write_atomically(path, table(pois, spaces))
-    return written
-
-
-def _mcap(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
-    from offboard.export.mcap_log import write_mcap
-
-    with written_whole(to / "run.mcap") as part, part.open("wb") as file:
-        write_mcap(run_dir, file)
-    return [to / "run.mcap"]
-
-
-def _bag(run_dir: Path, to: Path, _: TitleBlock) -> list[Path]:
-    from offboard.export.ros_bag import write_bag
-
-    with written_whole(to / "ros2_bag") as part:
-        write_bag(run_dir, part)
-    return [to / "ros2_bag"]
-
-
 EXPORTS: dict[str, ExportFormat] = {
     "pdf": ExportFormat(
         "drawing on A4 or A3, 1 cm for 1 m: what to print",
-        _drawing("map.pdf", _pdf),
-        LiveExport("application/pdf", _pdf),
+        exporters.drawing("map.pdf", exporters.pdf),
+        LiveExport("application/pdf", exporters.pdf),
         needs=("reportlab",),
     ),
     "svg": ExportFormat(
-        "drawing on one sheet, 1 cm for 1 m", _drawing(MAP_SVG_NAME, _svg), LiveExport("image/svg+xml", _svg)
+        "drawing on one sheet, 1 cm for 1 m",
+        exporters.drawing(MAP_SVG_NAME, exporters.svg),
+        LiveExport("image/svg+xml", exporters.svg),
     ),
-    "png": ExportFormat("picture, 150 dots per inch", _drawing(MAP_PNG_NAME, _png), LiveExport("image/png", _png)),
+    "png": ExportFormat(
+        "picture, 150 dots per inch",
+        exporters.drawing(MAP_PNG_NAME, exporters.png),
+        LiveExport("image/png", exporters.png),
+    ),
     "dxf": ExportFormat(
         "for CAD, in metres: layers walls, inferred, doors, text",
-        _drawing("map.dxf", _dxf),
-        LiveExport("image/vnd.dxf", _dxf),
+        exporters.drawing("map.dxf", exporters.dxf),
+        LiveExport("image/vnd.dxf", exporters.dxf),
         needs=("ezdxf",),
     ),
     "geojson": ExportFormat(
         "walls, doors, halls with OpenStreetMap's indoor tags",
-        _geojson,
-        LiveExport("application/geo+json", _geojson_without_halls),
+        exporters.geojson,
+        LiveExport("application/geo+json", exporters.geojson_without_halls),
     ),
-    "tables": ExportFormat("doors.csv, and areas.csv with the area of every hall", _tables),
-    "csv": ExportFormat("wall points in metres", _copies(MAP_POINTS_NAME), LiveExport("text/csv", _points)),
-    "tum": ExportFormat("path, as estimated at the time and in the end; in simulation the true one", _trajectories),
-    "json": ExportFormat("points of interest, with their photos", _pois),
-    "pgm": ExportFormat("occupancy image with map.yaml, as ROS map servers read it", _occupancy),
+    "tables": ExportFormat("doors.csv, and areas.csv with the area of every hall", exporters.tables),
+    "csv": ExportFormat(
+        "wall points in metres", exporters.copies(MAP_POINTS_NAME), LiveExport("text/csv", exporters.points)
+    ),
+    "tum": ExportFormat(
+        "path, as estimated at the time and in the end; in simulation the true one", exporters.trajectories
+    ),
+    "json": ExportFormat("points of interest, with their photos", exporters.pois),
+    "pgm": ExportFormat("occupancy image with map.yaml, as ROS map servers read it", exporters.occupancy),
     "mcap": ExportFormat(
         "every message of the run, for log players such as Foxglove and Lichtblick",
-        _mcap,
+        exporters.mcap,
         needs=("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"),
         of_messages=True,
     ),
-    "bag": ExportFormat("ROS 2 bag: map, poses, sonars, doors", _bag, needs=("rosbags",), of_messages=True),
+    "bag": ExportFormat("ROS 2 bag: map, poses, sonars, doors", exporters.bag, needs=("rosbags",), of_messages=True),
 }
 
 
