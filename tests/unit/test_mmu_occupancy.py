@@ -95,6 +95,17 @@ def test_where_the_robot_stood_is_no_wall() -> None:
         assert at(grid, 0.05 + reach_m * float(np.cos(angle)), 0.05 + reach_m * float(np.sin(angle))) == FREE
 
 
+def test_what_was_driven_over_stays_open_whatever_echoes_say_later() -> None:
+    """Corner echoes smear into the mouth of a narrow hall: the robot must find back through it."""
+    grid = OccupancyGrid()
+    grid.add_footprint(np.stack([np.arange(0.05, 2.0, CELL_M), np.full(20, 0.05)], axis=1))
+    grid.add_walls(np.repeat([[1.05, 0.05], [1.05, 0.45]], 5, axis=0), np.full(10, pi / 2))
+    grid.add_walls(np.array([[60.05, 3.05]] * 2), np.zeros(2))  # it grows
+    grid.add_walls(np.repeat([[0.55, 0.05]], 5, axis=0), np.zeros(5))
+    assert at(grid, 1.05, 0.05) == at(grid, 0.55, 0.05) == at(grid, 0.55, 0.15) == FREE
+    assert at(grid, 1.05, 0.45) == WALL
+
+
 @pytest.mark.parametrize("place", [(60.0, 3.0), (-60.0, 3.0), (3.0, 60.0), (-40.0, -40.0)])
 def test_the_grid_grows_and_keeps_what_it_knew(place: tuple[float, float]) -> None:
     grid = with_wall(2.0)

@@ -171,3 +171,27 @@ def test_pose_between_two_reports_is_interpolated_also_across_half_a_turn() -> N
     assert abs(middle.heading_rad) == pytest.approx(pi)
     assert pose_at(poses, 0.0) == poses[0][1]
     assert pose_at(poses, 9.0) == poses[1][1]
+
+
+def test_a_beam_that_turns_hears_the_same_wall_wherever_its_axis_points_and_frees_little() -> None:
+    """The end wall of a side hall, far off: rays along the axis would sweep over the walls of the hall."""
+    features = RangeFeatures((LEFT,))
+    poses: list[tuple[float, Pose2]] = []
+    rays: list[Ray] = []
+    for i in range(60):
+        poses.append((0.1 * i, Pose2(0.0, 0.0, radians(2.0) * min(i, 30))))
+        rays += features.add(poses[-1][0], poses[-60:], (4.0,), (0.0,))[1]
+    *turning, standing = rays[1:]
+    assert len(turning) > 10
+    assert max(ray.free_m for ray in turning) < 2.0
+    assert standing.free_m == pytest.approx(4.0)
+
+
+def test_a_slanted_beam_frees_no_further_than_the_wall_beside_it_goes_on() -> None:
+    """What it hears is a corner off its axis: the wall itself does not echo at that slant."""
+    near, far = plane(pi / 2, 0.8), plane(pi / 2, 3.0)
+    for beside, limit_m in ((near, 0.8 * 2**0.5), (far, 1.5)):
+        _, rays = drive({LEFT: beside, radians(45.0): lambda _: 3.5, 0.0: lambda _: nan})
+        slanted = [ray.free_m for ray in rays if ray.bearing_rad == radians(45.0)]
+        assert slanted
+        assert max(slanted) == pytest.approx(limit_m, abs=SONAR_STEP_M)

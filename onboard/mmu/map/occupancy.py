@@ -47,6 +47,7 @@ class OccupancyGrid:
         self._origin = np.array([-10.0, -10.0])
         self._hits = np.zeros((200, 200), np.uint16)  # [row along y, column along x]
         self._passed = np.zeros((200, 200), np.bool_)
+        self._driven = np.zeros((200, 200), np.bool_)
 
     @property
     def origin_m(self) -> tuple[float, float]:
@@ -59,7 +60,8 @@ class OccupancyGrid:
             patches = (points_m[:, None, :] + along[:, None, :] * _PATCH_M[None, :, None]).reshape(-1, 2)
             if not self._make_room(patches):
                 patches = patches[_drawn(patches)]
-            np.add.at(self._hits.ravel(), self._flat(patches[:, 0], patches[:, 1]), 1)
+            cell = self._flat(patches[:, 0], patches[:, 1])
+            np.add.at(self._hits.ravel(), cell[~self._driven.ravel()[cell]], 1)
 
     def add_rays(self, starts_m: Points, directions_rad: npt.ArrayLike, free_m: npt.ArrayLike) -> None:
         """Free space along rays: starts (N, 2), directions (N,), how far (N,); infinite where no echo came."""
@@ -88,13 +90,16 @@ class OccupancyGrid:
         self._passed.ravel()[cell[open_]] = True
 
     def add_footprint(self, positions_m: Points) -> None:
-        """Where the robot itself stood (N, 2) is free, whatever the sonars measure."""
+        """Where the robot itself stood (N, 2) is free and stays so, whatever the sonars measure: it can drive back.
+
+        In a crossing of narrow halls the echoes of corners, drawn as patches of wall, would close the mouths.
+        """
         for i in range(0, len(positions_m), RAYS_AT_ONCE):
             part = positions_m[i : i + RAYS_AT_ONCE]
             if not self._make_room(part):
                 part = part[_drawn(part)]
             cell = self._flat(part[:, :1] + _DISC[:, 0], part[:, 1:] + _DISC[:, 1])
-            self._passed.ravel()[cell] = True
+            self._passed.ravel()[cell] = self._driven.ravel()[cell] = True
             self._hits.ravel()[cell] = 0
 
     @property
@@ -136,6 +141,7 @@ class OccupancyGrid:
             if before.any() or after.any():
                 pad = ((before[1], after[1]), (before[0], after[0]))
                 self._hits, self._passed = np.pad(self._hits, pad), np.pad(self._passed, pad)
+                self._driven = np.pad(self._driven, pad)
                 self._origin = self._origin - before * CELL_M
         return bool(drawn.all())
 
