@@ -13,3 +13,4 @@ class Order:
     quick: bool = False
     against: Path | None = None  # another checkout, to be measured by turns with this one
     pairs: int = PAIRS
+    floors: Path | None = None  # a folder of floor files, in place of the project's own

@@ -21,6 +21,7 @@ BENCHES = {
     "mapping": ("what the mapping unit costs: processor, memory, instructions of a step", "deploy.bench.mapping_cost"),
     "signs": ("how well rendered signs are read, and what a full frame costs", "deploy.bench.sign_reading"),
     "doors": ("how many doors of hard looks are found along drawn walls", "deploy.bench.door_finding"),
+    "exploration": ("missions without camera: way, halls, walls, time, home", "deploy.bench.exploration"),
     "firmware": ("what the firmware costs on the Mega, in simavr", "deploy.bench.firmware_cost"),
 }
 
@@ -34,6 +35,7 @@ def add_verbs(verbs: Any) -> None:
         "--against", type=Path, metavar="FOLDER", help="board, signs: measure another checkout of it too, by turns"
     )
     bench.add_argument("--pairs", type=int, help=f"turns with --against ({PAIRS}, with --quick {PAIRS_QUICK})")
+    bench.add_argument("--floors", type=Path, metavar="FOLDER", help="exploration: its floor files, not our own")
     bench.set_defaults(run=_bench)
 
 
@@ -44,8 +46,10 @@ def _bench(arguments: argparse.Namespace) -> int:
             raise StartError(f"There is no benchmark {name}; the benchmarks are {', '.join(BENCHES)}.")
     if arguments.against is not None and not (arguments.against / "deploy" / "cli.py").is_file():
         raise StartError(f"{arguments.against} is no checkout of this project.")
+    if arguments.floors is not None and not any(arguments.floors.glob("*.json")):
+        raise StartError(f"{arguments.floors} holds no floor file.")
     pairs = arguments.pairs or (PAIRS_QUICK if arguments.quick else PAIRS)
-    order = Order(arguments.quick, arguments.against, pairs)
+    order = Order(arguments.quick, arguments.against, pairs, arguments.floors)
     print(machine(), flush=True)
     for name in names:
         what, module = BENCHES[name]

@@ -157,14 +157,18 @@ def along(line: Points, first_m: float, step_m: float) -> Points:
 
 
 def hall_figures(halls: Node, truth: FloatArray, path_m: float, space: FreeSpace) -> Figures:
-    """Share of the centrelines that the true path passed, and its length over twice theirs."""
+    """Share of the centrelines that the true path passed, and its length over twice theirs (`ratio`, what a camera that
+    looks to one side needs at least) and over the shortest closed walk through them all (`tour_ratio`)."""
     lines = [halls.points("centrelines", line, at_least=2) for line in halls.items("centrelines")]
     stations = np.concatenate([np.empty((0, 2)), *(along(line, HALL_STEP_M / 2, HALL_STEP_M) for line in lines)])
     if not len(stations):
         raise halls.error("centrelines", "must have a length")
     reach_m = np.maximum(HALL_REACH_MIN_M, space.wall_distance_m(stations) - HALL_MARGIN_M)
     passed = cKDTree(truth[:, :2]).query(stations)[0] <= reach_m
-    return {"halls": float(passed.mean()), "ratio": path_m / (2 * halls.length("length_m"))}
+    figures: Figures = {"halls": float(passed.mean()), "ratio": path_m / (2 * halls.length("length_m"))}
+    if halls.has("tour_m"):
+        figures["tour_ratio"] = path_m / halls.length("tour_m")
+    return figures
 
 
 def letters_of(text: object) -> str:
