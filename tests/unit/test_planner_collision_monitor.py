@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M
+from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M, SAFE_DISTANCE_M
 from common.messages import Speed
 from onboard.planner.driving.collision_monitor import (
     BACK_OFF_S,
@@ -32,7 +32,7 @@ def drives_forward(state: CollisionMonitor, wanted: Speed) -> bool:
 
 
 def is_near(ranges_m: tuple[float, ...]) -> bool:
-    return nearest_ahead(ranges_m)[0] < PLANNER_CLEARANCE_M
+    return nearest_ahead(ranges_m, 0.0)[0] < 0.0
 
 
 @pytest.mark.requirement("PLN_MR_03")
@@ -105,13 +105,24 @@ def test_something_near_ahead_does_not_matter_to_a_robot_that_does_not_drive_the
 
 
 def test_what_stands_beside_the_robot_is_not_ahead() -> None:
-    assert nearest_ahead((0.23, nan, nan, nan, 0.23)) == (inf, 0.0)
+    assert nearest_ahead((0.23, nan, nan, nan, 0.23), 0.1) == (inf, 0.0)
 
 
-def test_nearest_ahead_tells_distance_from_the_footprint_and_side() -> None:
-    distance_m, bearing_rad = nearest_ahead((1.0, 0.5, 0.9, nan, 1.0))
-    assert distance_m == pytest.approx(0.5 - FOOTPRINT_RADIUS_M)
+def test_nearest_ahead_tells_how_much_room_is_left_and_the_side() -> None:
+    room_m, bearing_rad = nearest_ahead((1.0, 0.5, 0.9, nan, 1.0), 0.0)
+    assert room_m == pytest.approx(0.5 - FOOTPRINT_RADIUS_M - SAFE_DISTANCE_M)
     assert bearing_rad == pytest.approx(radians(45.0))
+
+
+@pytest.mark.requirement("PLN_MR_03")
+def test_the_edge_of_a_narrow_doorway_stops_nobody_who_drives_through_its_middle() -> None:
+    """Hull and clearance fit: 0.34 m from the middle to either edge, which a slanted sonar hears until it is abeam."""
+    edge = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M
+    through = (nan, edge, nan, edge, nan)
+    assert watch(CollisionMonitor(), 1.0, Speed.MEDIUM, through, 0.16)[0].phase is Phase.CLEAR
+    assert watch(CollisionMonitor(), 1.0, Speed.MEDIUM, (nan, nan, edge, nan, nan), 0.16)[0].phase is Phase.STOPPED
+    contact = (nan, FOOTPRINT_RADIUS_M + SAFE_DISTANCE_M, nan, nan, nan)
+    assert watch(CollisionMonitor(), 1.0, Speed.MEDIUM, contact, 0.16)[0].phase is Phase.STOPPED
 
 
 def test_silence_is_no_obstacle() -> None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import inf
+from math import cos, inf
 
 from common.constants import (
     FOOTPRINT_RADIUS_M,
     PLANNER_CLEARANCE_M,
+    SAFE_DISTANCE_M,
     SONAR_BEARINGS_RAD,
     SONAR_FRONT,
     SONAR_FRONT_LEFT,
@@ -45,15 +46,25 @@ class CollisionMonitor:
     near_s: float = 0.0  # when it was last received
 
 
-def nearest_ahead(ranges_m: tuple[float, ...]) -> tuple[float, float]:
-    """Distance from the footprint (metres) and bearing of the nearest echo ahead; infinite where there is none.
+def nearest_ahead(ranges_m: tuple[float, ...], stopping_m: float) -> tuple[float, float]:
+    """By how much (metres) the nearest echo ahead is further than where the robot must stop for it, and its bearing;
+    infinite where there is none.
 
-    `ranges_m` (5) from the ring's centre, NaN = no echo.
+    `ranges_m` (5) from the ring's centre, NaN = no echo; `stopping_m`: how far the robot still goes. What a slanted
+    sonar hears and the front one does not stands beside the way: an edge of a doorway that is passed.
     """
     return min(
-        ((ranges_m[i] - FOOTPRINT_RADIUS_M, SONAR_BEARINGS_RAD[i]) for i in AHEAD if ranges_m[i] == ranges_m[i]),
+        (
+            (ranges_m[i] - FOOTPRINT_RADIUS_M - _limit_m(SONAR_BEARINGS_RAD[i], stopping_m), SONAR_BEARINGS_RAD[i])
+            for i in AHEAD
+            if ranges_m[i] == ranges_m[i]
+        ),
         default=(float("inf"), 0.0),
     )
+
+
+def _limit_m(bearing_rad: float, stopping_m: float) -> float:
+    return (SAFE_DISTANCE_M if bearing_rad else PLANNER_CLEARANCE_M) + stopping_m * cos(bearing_rad)
 
 
 def stopping_m(speed_m_s: float) -> float:
@@ -75,9 +86,8 @@ def watch(
     state: CollisionMonitor, now_s: float, wanted: Speed, ranges_m: tuple[float, ...], speed_m_s: float
 ) -> tuple[CollisionMonitor, bool]:
     """Next state, and whether the obstacle has just become one to plan around. `ranges_m` as of `nearest_ahead`."""
-    distance_m, bearing_rad = nearest_ahead(ranges_m)
-    limit_m = PLANNER_CLEARANCE_M + stopping_m(max(speed_m_s, SPEED_MEDIUM_M_S))
-    near = distance_m < limit_m
+    room_m, bearing_rad = nearest_ahead(ranges_m, stopping_m(max(speed_m_s, SPEED_MEDIUM_M_S)))
+    near = room_m < 0.0
     forward = wanted in (Speed.MEDIUM, Speed.HIGH)
     stop = CollisionMonitor(Phase.STOPPED, now_s, bearing_rad, now_s)
     if state.phase is Phase.CLEAR:
