@@ -101,6 +101,7 @@ STOPS_MAX = 32  # that are reported at a time
 StopSources = Annotated[tuple[Word, ...], Shape(("S",)), UpTo(STOPS_MAX)]
 StopIds = Annotated[tuple[Identity, ...], Shape(("I",)), UpTo(STOPS_MAX)]
 StopNames = Annotated[tuple[Word, ...], Shape(("I",)), UpTo(STOPS_MAX)]
+Blacklisted = Annotated[tuple[Word, ...], Shape(("G",)), UpTo(50)]
 Challenge = Annotated[bytes, UpTo(CHALLENGE_BYTES)]
 ErrorNumber = Annotated[int, Within(0, 65_535)]
 Piece = Annotated[bytes, UpTo(1_000_000)]

@@ -24,6 +24,7 @@ from common.constants import (
 )
 from common.fields import (
     GRID_CELLS_MAX,
+    Blacklisted,
     Boot,
     BootIds,
     CellSize,
@@ -248,12 +249,18 @@ class Outcome(Enum):
     HOME = "home"  # sent home before that, and there
     ARRIVED = "arrived"  # at the place of a goto
     GAVE_UP = "gave up"  # no path led there for too long
+    NEEDS_HELP = "needs help"  # no way home for too long: somebody has to come
     STOPPED = "stopped"  # a latched stop holds it; it goes on after release and resume
 
     @property
     def ends_mission(self) -> bool:
         """Is the run over, as far as the robot is concerned?"""
-        return self in (Outcome.FINISHED, Outcome.HOME, Outcome.GAVE_UP)
+        return self in (Outcome.FINISHED, Outcome.HOME, Outcome.GAVE_UP, Outcome.NEEDS_HELP)
+
+    @property
+    def exit_code(self) -> int:
+        """Of a run that ended like this."""
+        return {Outcome.FINISHED: 0, Outcome.HOME: 0, Outcome.NEEDS_HELP: 3}.get(self, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +279,7 @@ class PlannerView:
     refused: bool = False  # that command does nothing
     note: Text = ""  # what its sender should read about it
     paused: bool = False  # by an operator
+    blacklisted: Blacklisted = ()  # places that the newest exploration left out, each with its reason
 
 
 class PoiCommand(Enum):

@@ -16,6 +16,7 @@ ENDED = {
     Outcome.HOME: "home, as ordered",
     Outcome.ARRIVED: "arrived at the place",
     Outcome.GAVE_UP: "gave up: no path led there",
+    Outcome.NEEDS_HELP: "needs help: no way home",
 }
 STARTED_ALREADY = "The mission is under way already; resume ends a pause."
 NOT_PAUSED = "Nothing is paused."

@@ -116,7 +116,7 @@ class LocalRun:
     @property
     def exit_code(self) -> int:
         """0 where the mission has ended as it should, or as a person ordered."""
-        return 0 if self._outcome in (Outcome.FINISHED, Outcome.HOME) else 1
+        return self._outcome.exit_code
 
     def run(self) -> int:
         print(

@@ -36,6 +36,7 @@ def summarise(
         options=options.as_dict(),
         outcome=view.outcome,
         reason=mission_state(view, permit).text,
+        blacklisted=view.blacklisted,
         simulated_time_s=round(view.t_s - began_s, 3),
         wall_time_s=round(wall_s, 3),
         steps=read_steps(work),

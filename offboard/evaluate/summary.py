@@ -55,12 +55,14 @@ class RunFacts:
     simulated_time_s: float
     wall_time_s: float
     steps: Mapping[str, StepTimes]  # by node
+    blacklisted: Sequence[str] = ()  # places that exploration left out, each with its reason
 
 
 def write_summary(run_dir: Path, facts: RunFacts, floor_json: dict[str, Any] | None = None) -> dict[str, Any]:
     """Write summary.json and return its content; with a floor, the evaluation's figures stand beside the facts."""
     summary = dataclasses.asdict(facts)
     summary |= {"outcome": facts.outcome.value, "finished": facts.outcome is Outcome.FINISHED}
+    summary["blacklisted"] = list(facts.blacklisted)
     if floor_json is not None:
         try:
             summary |= evaluate(floor_json, run_dir)

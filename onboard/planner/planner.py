@@ -284,7 +284,7 @@ class Planner:
             PlannerView(
                 now_s,
                 mission.mode.name,
-                mission.text,
+                self._mission.text,
                 path,
                 len(self._mission.groups),
                 area_m2,
@@ -293,6 +293,7 @@ class Planner:
                 refused=answer.refused,
                 note=answer.note,
                 paused=mission.paused,
+                blacklisted=self._mission.blacklisted,
             ),
         )
 

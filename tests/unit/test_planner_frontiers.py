@@ -12,6 +12,7 @@ from onboard.planner.exploration.frontiers import (
     CONSIDERED_MAX,
     STRAIGHT_MAX_M,
     Frontier,
+    FrontierGroup,
     FrontierMemory,
     considered,
     groups,
@@ -22,6 +23,7 @@ from onboard.planner.exploration.frontiers import (
     worth_a_visit,
 )
 from onboard.planner.exploration.recovery_memory import BLOCK_RADIUS_M
+from onboard.planner.exploration.unknown_floor import UnknownFloor
 from onboard.planner.grid.grid_map import GridMap
 from tests.unit.test_planner_grid_map import drawn, hall
 
@@ -30,6 +32,10 @@ EAST = 0.0
 
 def frontier_of(grid: GridMap) -> Frontier:
     return worth_a_visit(grid, np.zeros(grid.cells.shape, dtype=bool), Pose2(0.0, 0.0, 0.0))
+
+
+def listed(grid: GridMap, frontier: Frontier) -> list[FrontierGroup]:
+    return groups(frontier, UnknownFloor(grid, np.zeros((0, 2))))
 
 
 def junction(opening_m: float = 2.0) -> GridMap:
@@ -52,14 +58,14 @@ def junction(opening_m: float = 2.0) -> GridMap:
 @pytest.mark.requirement("PLN_MR_01")
 def test_every_unseen_end_is_one_group_with_its_middle() -> None:
     grid = drawn([(1.0, 2.0, 9.0, 4.0)], [(1.0, 1.9, 9.0, 2.0), (1.0, 4.0, 9.0, 4.1)])
-    found = sorted(groups(frontier_of(grid)), key=lambda group: group.x_m)
+    found = sorted(listed(grid, frontier_of(grid)), key=lambda group: group.x_m)
     assert [group.x_m for group in found] == pytest.approx([1.05, 8.95])
     assert [group.y_m for group in found] == pytest.approx([3.0, 3.0], abs=0.05)
 
 
 def test_a_closed_floor_has_no_group() -> None:
     grid = hall()
-    assert groups(frontier_of(grid)) == []
+    assert listed(grid, frontier_of(grid)) == []
 
 
 def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> None:
@@ -68,7 +74,7 @@ def test_a_frontier_that_was_given_up_is_not_visited_again_and_others_are() -> N
     for y_m in (2.5, 3.0, 3.5):
         exploration.mark_visited(8.9, y_m)
     nothing = np.zeros(grid.cells.shape, dtype=bool)
-    left = groups(worth_a_visit(grid, nothing, Pose2(0.0, 0.0, 0.0), exploration.left_out))
+    left = listed(grid, worth_a_visit(grid, nothing, Pose2(0.0, 0.0, 0.0), exploration.left_out))
     assert [group.x_m for group in left] == pytest.approx([1.05])
 
 

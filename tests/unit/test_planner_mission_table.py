@@ -92,6 +92,17 @@ def test_a_place_without_a_path_is_tried_again_until_it_is_given_up() -> None:
     assert run(*blocked, Event.TOO_LONG, Event.START).mode is Mode.LOOK
 
 
+def test_who_finds_no_way_home_asks_for_help_and_can_be_sent_home_again() -> None:
+    stuck = (Event.START, Event.GO_HOME, Event.NO_PATH, Event.TOO_LONG)
+    assert run(*stuck) == State(Mode.DONE, Outcome.NEEDS_HELP, Outcome.HOME)
+    assert run(*stuck[:2]).outcome.ends_mission is False
+    assert run(*stuck).outcome.ends_mission
+    assert run(*stuck).outcome.exit_code not in {
+        outcome.exit_code for outcome in Outcome if outcome is not run(*stuck).outcome
+    }
+    assert run(*stuck, Event.GO_HOME).mode is Mode.HOME
+
+
 def test_start_begins_from_rest_only() -> None:
     for state, event in ALL:
         if event is Event.START:

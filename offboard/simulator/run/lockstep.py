@@ -218,7 +218,7 @@ def build(
 
 
 def simulate(options: RunOptions) -> int:
-    """A whole mission; prints its progress, writes the run folder. Exit code 0 when the mission was finished."""
+    """A whole mission; prints its progress, writes the run folder. The exit code is that of its outcome."""
     folder = prepare_folder(options)
     stopwatch = Stopwatch()
     recorder = RecorderApart(folder, stopwatch)
@@ -241,13 +241,14 @@ def simulate(options: RunOptions) -> int:
         options={key: value for key, value in options.as_dict().items() if key != "out"},
         outcome=outcome,
         reason=view.detail if view is not None else "the modules did not become ready",
+        blacklisted=view.blacklisted if view is not None else (),
         simulated_time_s=round(robot.now_s, 3),
         wall_time_s=round(time.monotonic() - began_s, 3),
         steps=steps,
     )
     summary = write_summary(folder, facts, floor_json(options))
     _print(_closing_line(summary, robot, folder))
-    return 0 if outcome is Outcome.FINISHED else 1
+    return outcome.exit_code
 
 
 def _mission(robot: Lockstep, began_s: float) -> PlannerView | None:

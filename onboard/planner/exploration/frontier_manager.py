@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from itertools import pairwise
+from math import inf
 
 import numpy as np
 
@@ -15,14 +16,17 @@ from common.geometry import Pose2
 from common.messages import GridUpdate
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, FrontierMemory
-from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid
+from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid, Offer, PlanTours
 from onboard.planner.exploration.recovery_memory import Obstacles
+from onboard.planner.exploration.trail import Trail
 from onboard.planner.grid.deliberation import Deliberation
 from onboard.planner.grid.grid_map import Cell
 from onboard.planner.grid.view import View
 from onboard.planner.routing.path_following import Path
 
+FORGOTTEN_MAX = 5  # then an obstacle that leaves no path is one that stays
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
+BLACKLISTED_MAX = 50  # are listed
 STILL_WANTED_M = 0.5  # between the end of a path and the frontier it was planned for
 
 
@@ -32,14 +36,17 @@ class FrontierManager:
     def __init__(self) -> None:
         self.frontier: Frontier = frontiers.NOWHERE
         self.groups: list[FrontierGroup] = []
+        self.trail = Trail()
         self._memory = FrontierMemory()
         self._obstacles = Obstacles()
         self._changes = self._judged_changes = 0  # of what is left out: all, and those that the list has
         self._empty_lists = 0
+        self._forgotten = 0  # how often all obstacles were, for an empty list
 
     def query(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
         """About a grid, with all that is to be left out now."""
-        return JudgeGrid(revision, pose, self._memory.left_out, self._obstacles.places, self._changes, update)
+        left_out, obstacles = self._memory.left_out, self._obstacles.places
+        return JudgeGrid(revision, pose, left_out, obstacles, self.trail.points, self._changes, update)
 
     def take_in(self, judged: JudgedGrid) -> None:
         """The answer."""
@@ -54,6 +61,12 @@ class FrontierManager:
         """Obstacles whose time is over."""
         self._obstacles.forget(now_s)
 
+    def forget_obstacles(self) -> bool:
+        """All of them, whatever their time; False where none was left."""
+        forgotten = self._obstacles.forget(inf)
+        self.judge_anew()
+        return forgotten
+
     def judge_anew(self) -> None:
         """What is chosen next is chosen of a list that was made after this."""
         self._changes += 1
@@ -62,11 +75,11 @@ class FrontierManager:
         """Something stands here that the map does not know: plan around it for a while."""
         self._obstacles.add(x_m, y_m, now_s)
         # Most often this is a wall that was approached obliquely and is not on the map yet: no frontier lies behind it
-        self.defer(x_m, y_m)
+        self.defer(x_m, y_m, "something stands in the way")
 
-    def defer(self, x_m: float, y_m: float) -> None:
+    def defer(self, x_m: float, y_m: float, why: str) -> None:
         """Something kept the robot from this position."""
-        self._memory.defer(x_m, y_m)
+        self._memory.defer(x_m, y_m, why)
         self.judge_anew()
 
     def mark_visited(self, x_m: float, y_m: float) -> None:
@@ -78,10 +91,23 @@ class FrontierManager:
         """Called when no path leads to the list: is it empty for good? If that is uncertain, it is made anew."""
         # An obstacle may hide a path: it must be forgotten first
         self._empty_lists += 0 if self._obstacles.may_hide_a_path(now_s) else 1
-        if self._empty_lists < LIST_PATIENCE or self._memory.try_again():
+        if self._empty_lists < LIST_PATIENCE:
+            self.judge_anew()
+            return False
+        if self._forgotten < FORGOTTEN_MAX and self.forget_obstacles():
+            self._forgotten += 1
+            return False
+        if self._memory.try_again():
             self.judge_anew()
             return False
         return True
+
+    def blacklisted(self, view: View) -> Deliberation[tuple[str, ...]]:
+        """What is left unseen when exploration ends: places with the reason for each."""
+        asked = JudgeGrid(view.grid_revision, view.pose, (), (), self.trail.points, self._changes)
+        judged: JudgedGrid = yield asked
+        listed = judged.groups[:BLACKLISTED_MAX]
+        return tuple(f"{group.x_m:.1f},{group.y_m:.1f}: {self._memory.reason(group.points)}" for group in listed)
 
     @property
     def second_try(self) -> bool:
@@ -96,15 +122,27 @@ class FrontierManager:
         """How far the footprint can go straight on from a pose."""
         return frontiers.straight_reach_m(view.grid, pose, pose.heading_rad, self._obstacles.places)
 
-    def something_ahead(self, view: View, pose: Pose2, side_m: float = frontiers.STRAIGHT_SIDE_M) -> bool:
-        """Would driving straight on from a pose show new floor, up to `side_m` aside?"""
+    def something_ahead(
+        self, view: View, pose: Pose2, side_m: float = frontiers.STRAIGHT_SIDE_M, of: Frontier | None = None
+    ) -> bool:
+        """Would driving straight on from a pose show new floor, up to `side_m` aside? `of`: some of it only."""
         reach_m = self.straight_reach_m(view, pose)
-        return frontiers.something_ahead(view.grid, self.frontier, pose, pose.heading_rad, reach_m, side_m)
+        frontier = self.frontier if of is None else of
+        return frontiers.something_ahead(view.grid, frontier, pose, pose.heading_rad, reach_m, side_m)
 
     def something_near(self, x_m: float, y_m: float) -> bool:
         """Is there still frontier near this position?"""
         gap = self.frontier.points - np.array([x_m, y_m])
         return bool((np.hypot(gap[:, 0], gap[:, 1]) < STILL_WANTED_M).any())
+
+    def offers(self, view: View, home: tuple[float, float]) -> Deliberation[list[tuple[FrontierGroup, Offer]]]:
+        """What it costs to begin with each entry of the list that can be reached; the nearest first."""
+        listed = self.groups
+        entrances = tuple(frontiers.entrance(view.grid, group) for group in listed)
+        found: tuple[Offer, ...] = yield PlanTours(
+            view.grid_revision, view.pose, entrances, home, self._obstacles.places
+        )
+        return [(listed[offer.entry], offer) for offer in found]
 
     def route(self, view: View, wanted: Collection[Cell]) -> Deliberation[Path | None]:
         """Waypoints to the cheapest of the wanted cells; None where no path leads there."""

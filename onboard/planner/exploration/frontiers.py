@@ -17,10 +17,13 @@ import numpy.typing as npt
 from common.geometry import Points, Pose2
 from common.grid_cells import UNKNOWN
 from onboard.planner.exploration.recovery_memory import BLOCK_RADIUS_M, Places
+from onboard.planner.exploration.unknown_floor import UnknownFloor
 from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, Cell, GridMap, Mask
 
-GROUP_CELLS_MIN = 5
+GROUP_CELLS_MIN = 3
 GROUP_COARSENESS = 2  # grid cells
+SMALL_M = 1.0  # from end to end: an entry that is not worth a long way
+ROOM_MIN_M2 = 0.8  # of unknown floor beyond an entry
 STRAIGHT_MIN_M = 0.45
 STRAIGHT_MAX_M = 6.0
 STRAIGHT_BEGIN_M = 0.2  # where the robot stands is no wall
@@ -45,15 +48,23 @@ class Frontier:
     points: Points
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class FrontierGroup:
-    """Neighbouring frontier cells (N, 2) and their middle in the map."""
+    """Neighbouring frontier cells (N, 2), their centres (N, 2), and the middle of these, in the map."""
 
     cells: Cells
+    points: Points
     x_m: float
     y_m: float
 
+    @property
+    def width_m(self) -> float:
+        """Of the opening: from end to end."""
+        return float(np.hypot(*np.ptp(self.points, axis=0)))
 
+
+WAS_VISITED, NO_PATH = "was visited, and no sonar shows more", "no path leads there"
+TOO_LITTLE = "too little is to be seen there for the way"
 NOWHERE = Frontier(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)))
 
 
@@ -62,7 +73,7 @@ class FrontierMemory:
 
     def __init__(self) -> None:
         self._visited: list[tuple[float, float]] = []
-        self._deferred: list[tuple[float, float]] = []
+        self._deferred: dict[tuple[float, float], str] = {}  # why
         self.second_try = False
 
     @property
@@ -70,19 +81,26 @@ class FrontierMemory:
         """Places around which the frontier is not worth a visit now."""
         return (*self._visited, *self._deferred)
 
+    def reason(self, points: Points) -> str:
+        """Why an entry with this frontier (N, 2) is not on the list, or stays on it."""
+        for reason, places in ((WAS_VISITED, self._visited), *((why, [at]) for at, why in self._deferred.items())):
+            if any((np.hypot(points[:, 0] - x_m, points[:, 1] - y_m) < LEFT_OUT_RADIUS_M).any() for x_m, y_m in places):
+                return reason
+        return NO_PATH if np.hypot(*np.ptp(points, axis=0)) >= SMALL_M else TOO_LITTLE
+
     def mark_visited(self, x_m: float, y_m: float) -> None:
         """Whatever frontier is left around this position was visited: it will not be visited again."""
         self._visited.append((x_m, y_m))
 
-    def defer(self, x_m: float, y_m: float) -> None:
+    def defer(self, x_m: float, y_m: float, why: str) -> None:
         """Something kept the robot from this position: the frontier around it waits for the second try."""
-        self._deferred.append((x_m, y_m))
+        self._deferred[x_m, y_m] = why
 
     def try_again(self) -> bool:
         """Once, when all else is seen, bring back what was deferred; False where nothing was or it is used up."""
         if self.second_try or not self._deferred:
             return False
-        self.second_try, self._deferred = True, []
+        self.second_try, self._deferred = True, {}
         return True
 
 
@@ -96,8 +114,9 @@ def worth_a_visit(grid: GridMap, blocked: Mask, pose: Pose2, left_out: Iterable[
     return Frontier(cells[keep], points[keep])
 
 
-def groups(frontier: Frontier) -> list[FrontierGroup]:
-    """Groups of at least GROUP_CELLS_MIN frontier cells that lie next to each other (within a coarse cell)."""
+def groups(frontier: Frontier, unknown: UnknownFloor) -> list[FrontierGroup]:
+    """Groups of at least GROUP_CELLS_MIN frontier cells that lie next to each other (within a coarse cell), with
+    unknown floor beyond that is worth a visit."""
     members: dict[tuple[int, int], list[int]] = {}
     for i, (r, c) in enumerate((frontier.cells // GROUP_COARSENESS).tolist()):
         members.setdefault((r, c), []).append(i)
@@ -111,20 +130,40 @@ def groups(frontier: Frontier) -> list[FrontierGroup]:
                 if near in members:
                     indices += members.pop(near)
                     stack.append(near)
-        if len(indices) >= GROUP_CELLS_MIN:
-            indices.sort()
+        indices.sort()
+        room_m2 = unknown.beyond_m2(frontier.cells[indices]) if len(indices) >= GROUP_CELLS_MIN else 0.0
+        if room_m2 >= ROOM_MIN_M2:
             middle = frontier.points[indices].mean(axis=0)
-            found.append(FrontierGroup(frontier.cells[indices], float(middle[0]), float(middle[1])))
+            found.append(
+                FrontierGroup(frontier.cells[indices], frontier.points[indices], float(middle[0]), float(middle[1]))
+            )
     return found
 
 
-def roomy_cells(grid: GridMap, listed: list[FrontierGroup]) -> set[Cell]:
+def roomy_cells(grid: GridMap, listed: Iterable[FrontierGroup]) -> set[Cell]:
     """Where to go for the entries of the list: of every group the cells away from the walls."""
     wanted: set[Cell] = set()
     for group in listed:
         clearance_m = grid.clearance_m(tuple(group.cells.T))
         wanted |= as_set(group.cells[clearance_m >= ROOMY_SHARE * clearance_m.max()])
     return wanted
+
+
+def entrance(grid: GridMap, group: FrontierGroup) -> Cell:
+    """Of an entry of the list: the cell furthest from walls, and of those the one next to its middle."""
+    clearance_m = grid.clearance_m(tuple(group.cells.T))
+    roomiest = group.cells[clearance_m == clearance_m.max()]
+    gap = grid.centres(roomiest) - np.array([group.x_m, group.y_m])
+    row, column = roomiest[np.hypot(gap[:, 0], gap[:, 1]).argmin()].tolist()
+    return row, column
+
+
+def together(listed: Iterable[FrontierGroup]) -> Frontier:
+    """The frontier of some entries."""
+    each = list(listed)
+    if not each:
+        return NOWHERE
+    return Frontier(np.concatenate([g.cells for g in each]), np.concatenate([g.points for g in each]))
 
 
 def considered(grid: GridMap, mask: Mask, pose: Pose2) -> Cells:

@@ -8,7 +8,7 @@ from enum import Enum
 
 from common.geometry import Pose2
 from onboard.planner.exploration.frontier_manager import FrontierManager
-from onboard.planner.exploration.frontiers import STRAIGHT_SIDE_M
+from onboard.planner.exploration.frontiers import STRAIGHT_SIDE_M, Frontier
 from onboard.planner.exploration.recovery_memory import TriedBranches
 from onboard.planner.exploration.right_hand_rule import Turn, decide
 from onboard.planner.grid.view import View
@@ -50,9 +50,12 @@ class Junction:
         self._tried.add_leg(start, end)
         self._choice_due = True
 
-    def choose(self, view: View, frontiers: FrontierManager, headings_rad: Mapping[Turn, float]) -> Choice:
-        """P3.0: the right-most of the branches, given by their headings, that shows new floor; None where none does."""
-        found = {turn: self._judged(view, frontiers, turn, rad) for turn, rad in headings_rad.items()}
+    def choose(
+        self, view: View, frontiers: FrontierManager, headings_rad: Mapping[Turn, float], of: Frontier
+    ) -> Choice:
+        """P3.0: the right-most of the branches, given by their headings, that shows some of that frontier; None where
+        none does."""
+        found = {turn: self._judged(view, frontiers, turn, rad, of) for turn, rad in headings_rad.items()}
         open_turns = {turn for turn, judged in found.items() if judged is Branch.NEW}
         # A branch that was chosen is driven before the next choice: otherwise the robot would keep turning on the spot
         forward = Turn.FORWARD in open_turns and not self._choice_due
@@ -64,15 +67,15 @@ class Junction:
             self._tried.add_side(replace(view.pose, heading_rad=headings_rad[turn]))
         return Choice(turn, found)
 
-    def _judged(self, view: View, frontiers: FrontierManager, turn: Turn, heading_rad: float) -> Branch:
+    def _judged(self, view: View, frontiers: FrontierManager, turn: Turn, heading_rad: float, of: Frontier) -> Branch:
         """Would driving straight along this branch show new floor? To a side only what lies near the axis counts."""
         branch = replace(view.pose, heading_rad=heading_rad)
         if turn is Turn.FORWARD:
-            no_room, tried = view.front_is_near, self._tried.leg_in_vain(view.pose)
+            no_room, tried = view.front_is_near or view.hall_bends, self._tried.leg_in_vain(view.pose)
             width_m = STRAIGHT_SIDE_M
         else:
             no_room = frontiers.straight_reach_m(view, branch) < SIDE_REACH_M
             tried, width_m = self._tried.tried(branch), SIDE_WIDTH_M
         if no_room or tried:
             return Branch.NO_ROOM if no_room else Branch.TRIED
-        return Branch.NEW if frontiers.something_ahead(view, branch, width_m) else Branch.KNOWN
+        return Branch.NEW if frontiers.something_ahead(view, branch, width_m, of) else Branch.KNOWN

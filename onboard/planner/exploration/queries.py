@@ -1,20 +1,27 @@
-"""What exploration asks (`grid.deliberation`): a grid read and judged, a path, spots to see walls from."""
+"""What exploration asks (`grid.deliberation`): a grid read and judged, a tour, a path, spots to see walls from."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from common.geometry import Pose2
+import numpy as np
+
+from common.geometry import Points, Pose2
 from common.messages import GridUpdate
-from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, groups, worth_a_visit
+from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, groups, together, worth_a_visit
 from onboard.planner.exploration.recovery_memory import Places, blocked_cells
+from onboard.planner.exploration.unknown_floor import UnknownFloor
 from onboard.planner.exploration.wall_imaging import Imaged, spots
 from onboard.planner.grid.deliberation import Grids
-from onboard.planner.grid.grid_map import Cell, GridMap
+from onboard.planner.grid.grid_map import Cell, GridMap, Mask
 from onboard.planner.grid.grid_reading import GridError, read
 from onboard.planner.routing.path_following import Path
-from onboard.planner.routing.route_planning import cheapest_path
+from onboard.planner.routing.route_planning import cell_prices, cheapest_path
+from onboard.planner.routing.tour import PLACES_MAX, tours_m
+from onboard.planner.routing.walking_distances import WalkingDistances
+
+FAR_M = 1e4  # stands for a way home that is not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +40,8 @@ class JudgedGrid:
 
 @dataclass(frozen=True, slots=True)
 class JudgeGrid:
-    """What is on the list? `left_out` of the frontier, `obstacles` on the floor; `changes`: which version of both.
+    """What is on the list? `left_out` of the frontier, `obstacles` on the floor, `changes`: which version of both;
+    the `trail` (N, 2) that the robot drove.
 
     `update` is the grid itself where that is new. The answer is a JudgedGrid, or a GridError where the update is none.
     """
@@ -42,6 +50,7 @@ class JudgeGrid:
     pose: Pose2
     left_out: Places
     obstacles: Places
+    trail: Points
     changes: int
     update: GridUpdate | None = None
 
@@ -54,8 +63,17 @@ class JudgeGrid:
                 return error
             grids.put(self.revision, new)
         grid = grids.of(self.revision)
-        frontier = worth_a_visit(grid, blocked_cells(grid, self.obstacles), self.pose, self.left_out)
-        return JudgedGrid(self.revision, frontier, groups(frontier), self.changes, new)
+        out_of_reach = ~self._reachable(grid) | blocked_cells(grid, self.obstacles)
+        frontier = worth_a_visit(grid, out_of_reach, self.pose, self.left_out)
+        listed = groups(frontier, UnknownFloor(grid, self.trail))
+        return JudgedGrid(self.revision, together(listed), listed, self.changes, new)
+
+    def _reachable(self, grid: GridMap) -> Mask:
+        """Cells (rows, columns): a ray that passed where no wall had echoed yet shows floor outside the building."""
+        here = grid.cell(self.pose.x_m, self.pose.y_m)
+        if not grid.contains(here):
+            return np.ones(grid.cells.shape, dtype=bool)
+        return WalkingDistances(cell_prices(grid, here), grid.cell_m).reachable(here, grid.cells.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +88,47 @@ class FindPath:
     def answer(self, grids: Grids) -> Path | None:
         grid = grids.of(self.revision)
         return cheapest_path(grid, self.pose, self.wanted, blocked_cells(grid, self.obstacles))
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """An entry of the list by its number: how far it is, how much further the way home is past it, and how long the
+    shortest way home past all entries is that begins with it (metres)."""
+
+    entry: int
+    distance_m: float
+    detour_m: float
+    tour_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTours:
+    """What does it cost to begin with each entry of the list? `entries` are cells, `home` is where the robot ends.
+
+    The answer has those that can be reached, the nearest first, and of many only the nearest.
+    """
+
+    revision: int
+    pose: Pose2
+    entries: tuple[Cell, ...]
+    home: tuple[float, float]
+    obstacles: Places
+
+    def answer(self, grids: Grids) -> tuple[Offer, ...]:
+        grid = grids.of(self.revision)
+        here = grid.cell(self.pose.x_m, self.pose.y_m)
+        if not grid.contains(here) or not self.entries:
+            return ()
+        prices = cell_prices(grid, here, blocked_cells(grid, self.obstacles))
+        walking = WalkingDistances(prices, grid.cell_m)
+        from_here = walking.of(here, self.entries)
+        nearest = [int(i) for i in np.argsort(from_here, kind="stable") if np.isfinite(from_here[i])][:PLACES_MAX]
+        stops = [here, *(self.entries[i] for i in nearest), grid.cell(*self.home)]
+        between = np.array([walking.of(stop, stops) for stop in stops])
+        between = np.minimum(between, FAR_M)
+        detours_m = (between[0, 1:-1] + between[1:-1, -1] - between[0, -1]).tolist()
+        costs = zip(nearest, between[0, 1:-1].tolist(), detours_m, tours_m(between), strict=True)
+        return tuple(Offer(*cost) for cost in costs)
 
 
 @dataclass(frozen=True, slots=True)

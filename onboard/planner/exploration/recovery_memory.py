@@ -41,9 +41,11 @@ class Obstacles:
         if not earlier:
             self._new_until_s = now_s + BLOCK_FOR_S
 
-    def forget(self, now_s: float) -> None:
-        """Drop those whose time is over."""
+    def forget(self, now_s: float) -> bool:
+        """Drop those whose time is over; was there one?"""
+        before = len(self._places)
         self._places = [place for place in self._places if place[2] > now_s]
+        return len(self._places) < before
 
     def may_hide_a_path(self, now_s: float) -> bool:
         """Was one met lately where none had been before?"""

@@ -17,7 +17,7 @@ from common.grid_cells import FREE, UNKNOWN, WALL
 CLEARANCE_MAX_CELLS = 16
 LINE_STEPS_MAX = 20_000  # over a kilometre; from one end of any floor to the other
 STAND_CLEARANCE_M = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M - 0.04  # the wall cell's own half width is part of it
-OPENING_CLEARANCE_M = 0.36  # a frontier nearer to a wall is a gap in the wall's echoes, not an opening
+OPENING_CLEARANCE_M = STAND_CLEARANCE_M  # a frontier nearer to a wall is a gap in its echoes, not an opening
 SLIVER_PASSES = 4  # closes holes of up to 0.7 m between rays
 FRONTIER_NEIGHBOURS_MIN = 4  # frontier cells within 0.2 m, itself included
 
@@ -113,8 +113,9 @@ class GridMap:
 
     @cached_property
     def frontier(self) -> Mask:
-        """(rows, columns) free cells beside unknown ones, away from walls and not alone: where nobody has looked."""
-        unknown = self.cells == UNKNOWN
+        """(rows, columns) free cells beside unknown ones, both away from walls, and not alone: where the robot could
+        go on, and nobody has looked."""
+        unknown = (self.cells == UNKNOWN) & (self.clearance_m() >= STAND_CLEARANCE_M)
         beside = np.zeros_like(unknown)
         beside[1:] |= unknown[:-1]
         beside[:-1] |= unknown[1:]

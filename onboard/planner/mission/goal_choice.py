@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import hypot
+from math import hypot, pi
 
 from common.geometry import Pose2, wrap_angle
 from onboard.planner.driving.hall_following import STEER_MAX_RAD, HallFollowing
@@ -16,6 +16,7 @@ from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup
 from onboard.planner.exploration.junction import Junction
+from onboard.planner.exploration.order import too_far, worthwhile
 from onboard.planner.exploration.queries import FindSpots
 from onboard.planner.exploration.right_hand_rule import Turn
 from onboard.planner.exploration.wall_imaging import WallImaging, beginning
@@ -26,6 +27,7 @@ from onboard.planner.mission.table import Event
 from onboard.planner.routing.path_following import Path
 
 GROUPS_NOTED = 8  # of the list
+HOME_M = (0.0, 0.0)  # in the map, where the robot started
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,7 @@ class Goal:
     heading_rad: float
     why: str = ""  # its figures, for the log
     path: Path = field(default_factory=list)
+    blacklisted: tuple[str, ...] = ()  # where exploration ends: what it leaves out, and why
 
 
 class GoalChoice:
@@ -56,15 +59,30 @@ class GoalChoice:
         if _stands_askew(view.pose, heading_rad, looked_rad):
             return Goal(Event.TURN, heading_rad, "stands askew")
         yield from self._frontiers.judged(view)
+        offers = yield from self._frontiers.offers(view, HOME_M)
+        next_ones = worthwhile(offers)
         headings_rad = {turn: self._hall.along(wrap_angle(heading_rad + turn.value)) for turn in Turn}
-        choice = self.junction.choose(view, self._frontiers, headings_rad)
+        choice = self.junction.choose(view, self._frontiers, headings_rad, frontiers.together(next_ones))
         if choice.turn is Turn.FORWARD:
             self._frontiers.renew_patience()
             return Goal(Event.AHEAD, heading_rad, str(choice))
         if choice.turn is not None:
             return Goal(Event.TURN, headings_rad[choice.turn], str(choice))
-        goal = yield from self._of_list(view)
+        far = [group for group, offer in offers if too_far(group, offer)]
+        listed = [group for group in self._frontiers.groups if group not in far]
+        goal = yield from self._of_list(view, next_ones, listed)
         return replace(goal, why=f"{choice} {goal.why}")
+
+    def on_leg(self, view: View, opening: set[Cell]) -> Deliberation[Goal | None]:
+        """While it follows a hall: an opening on the right that was just passed, or what costs less than going on
+        here; None where the leg goes on."""
+        if opening:
+            return (yield from self.side_hall(view, opening))
+        next_ones = worthwhile((yield from self._frontiers.offers(view, HOME_M)))
+        leg = replace(view.pose, heading_rad=self._hall.heading_rad)
+        if not next_ones or self._frontiers.something_ahead(view, leg, of=frontiers.together(next_ones)):
+            return None
+        return (yield from self.side_hall(view, frontiers.roomy_cells(view.grid, next_ones)))
 
     def side_hall(self, view: View, frontier: set[Cell]) -> Deliberation[Goal | None]:
         """The nearest of these cells; None where no path leads there."""
@@ -74,19 +92,25 @@ class GoalChoice:
         self._frontiers.renew_patience()
         return Goal(Event.SIDE_HALL, view.pose.heading_rad, _figures(path, self._frontiers.groups), path)
 
-    def _of_list(self, view: View) -> Deliberation[Goal]:
-        """The nearest of the list, else a wall, else home."""
-        listed = frontiers.roomy_cells(view.grid, self._frontiers.groups)
-        goal = yield from self.side_hall(view, listed)
-        if goal is not None:
-            return goal
+    def _of_list(self, view: View, next_ones: list[FrontierGroup], listed: list[FrontierGroup]) -> Deliberation[Goal]:
+        """The nearest of the entries that may come next, else of all listed ones, else a wall, else home."""
+        for groups in (next_ones, listed):
+            goal = yield from self.side_hall(view, frontiers.roomy_cells(view.grid, groups))
+            if goal is not None:
+                return goal
         second_try = self._frontiers.second_try
         if not self._frontiers.exhausted(view.now_s):
             again = self._frontiers.second_try is not second_try
             why = "list empty: what was deferred is tried once more" if again else ""
-            return Goal(Event.LIST_UNSURE, view.pose.heading_rad, why)
+            aside_rad = self._hall.along(
+                wrap_angle(view.pose.heading_rad + pi / 2)
+            )  # what it sees there may open a path
+            return Goal(Event.LIST_UNSURE, aside_rad, why)
         goal = yield from self._wall(view)
-        return goal if goal is not None else Goal(Event.EXPLORED, view.pose.heading_rad)
+        if goal is not None:
+            return goal
+        blacklisted = yield from self._frontiers.blacklisted(view)
+        return Goal(Event.EXPLORED, view.pose.heading_rad, f"blacklisted={len(blacklisted)}", blacklisted=blacklisted)
 
     def _wall(self, view: View) -> Deliberation[Goal | None]:
         """The nearest stretch of wall that the camera has not seen, from its beginning; None where there is none."""

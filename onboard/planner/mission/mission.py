@@ -43,9 +43,13 @@ from onboard.planner.routing.path_following import Path, arrived, rest_of, speed
 
 BLOCK_AHEAD_M = 0.45
 NO_PATH_PATIENCE_S = 300.0  # a door that was closed, a person who stands in a hall: they may go
+OBSTACLES_PATIENCE_S = 30.0  # then what was met before may have gone, or was an echo from a corner
+PROGRESS_M = 2.0  # so far away it is another place that it waits at
 RETRY_S = 3.0
 GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
 GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
+SEEN_FROM_M = 0.5  # so near to an unseen place the sonars show it, and walls beside it do not stop the robot
+REVIEW_M = 1.5  # of a leg, between two looks at the list
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
 
@@ -63,11 +67,13 @@ class Mission:
         """`images_walls`: there is a camera, and every wall shall have been on its right."""
         self.state = State()
         self.path: Path = []
+        self.blacklisted: tuple[str, ...] = ()  # what the newest exploration left out, each place with its reason
         self._frontiers = FrontierManager()
         self._hall = HallFollowing()
         self._looking = Looking()
         self._target: tuple[float, float] = (0.0, 0.0)
         self._now_s = -inf
+        self._reviewed = Pose2(0.0, 0.0, 0.0)  # where it was asked last whether another entry should come first
         self._judged: tuple[int, Pose2] | None = None  # grid and place where the leg was found worth going on
         self._stillness = Stillness()
         self._imaging = WallImaging() if images_walls else None
@@ -77,7 +83,7 @@ class Mission:
         self._obstructions = 0  # since the last arrival
         self._retake_rad = 0.0
         self._retry_s = 0.0
-        self._no_path_since_s: float | None = None
+        self._no_path_since: tuple[float, Pose2] | None = None  # when and where
         self._align_until_s = 0.0
         self._deliberation: Deliberation[None] | None = None  # a choice or a path that waits for an answer
         self._query: Query | None = None  # that it waits for
@@ -89,6 +95,14 @@ class Mission:
     def mode(self) -> Mode:
         """What it is doing."""
         return self.state.mode
+
+    @property
+    def text(self) -> str:
+        """What it is doing, or how that ended, for people."""
+        count = len(self.blacklisted)
+        if not count or self.mode is not Mode.DONE:
+            return self.state.text
+        return f"{self.state.text}, {count} place{'s' if count > 1 else ''} left out"
 
     @property
     def groups(self) -> list[FrontierGroup]:
@@ -130,7 +144,7 @@ class Mission:
 
     def order(self, event: Event, place_m: tuple[float, float] = (0.0, 0.0)) -> Step:
         """What an operator or the permit wants of it; `place_m` in the map is where a goto leads."""
-        self._no_path_since_s = None
+        self._no_path_since = None
         step = self._happens(event, f"place={place_m[0]:.2f},{place_m[1]:.2f}" if event is Event.GO_TO else "")
         if event is Event.GO_TO:
             self._target = place_m
@@ -140,6 +154,7 @@ class Mission:
         """Begin to explore; once more from the beginning of the list after a mission that has ended."""
         step = self.order(Event.START)
         if not step.refused:
+            self.blacklisted = ()
             self._frontiers.renew_patience()
             self._looking.begin(pose.heading_rad, now_s)
         return step
@@ -167,7 +182,7 @@ class Mission:
             self._obstructions += 1
             if self._obstructions >= OBSTRUCTIONS_MAX:
                 self._obstructions = 0
-                self._defer(view, f"obstacles={OBSTRUCTIONS_MAX}")
+                self._defer(view, f"{OBSTRUCTIONS_MAX} obstacles in the way")
         self.path = []
         self.abandon()
 
@@ -175,6 +190,7 @@ class Mission:
         """The motion that is wanted now."""
         dt_s, self._now_s = view.now_s - self._now_s, view.now_s
         self._frontiers.forget(view.now_s)
+        self._frontiers.trail.drive(view.pose)
         if self._imaging is not None:
             self._imaging.look(view.grid, view.pose)
         return self._act(view, dt_s)
@@ -223,7 +239,7 @@ class Mission:
         if self.mode is Mode.IMAGE and self._imaging is not None:
             self._imaging.settle(view.grid, Pose2(x_m, y_m, self._wall_rad))
         else:
-            self._frontiers.defer(x_m, y_m)
+            self._frontiers.defer(x_m, y_m, why)
         self._look(Event.DEFERRED, view.pose.heading_rad, view.now_s, why=f"place={x_m:.2f},{y_m:.2f} {why}")
 
     def _look(
@@ -260,8 +276,8 @@ class Mission:
         looked_rad = self._looking.heading_rad if self.mode is Mode.LOOK else None
         self._set_out(view, (yield from self._choice.next(view, looked_rad)))
 
-    def _enter_opening(self, view: View, frontier: set[Cell]) -> Deliberation[None]:
-        goal = yield from self._choice.side_hall(view, frontier)
+    def _review_leg(self, view: View, opening: set[Cell]) -> Deliberation[None]:
+        goal = yield from self._choice.on_leg(view, opening)
         if goal is not None:
             self._set_out(view, goal)
 
@@ -270,8 +286,12 @@ class Mission:
             self._look(goal.event, goal.heading_rad, self._now_s, why=goal.why)  # the view is as old as the choice
             return
         self._happens(goal.event, goal.why)
+        if goal.event is Event.EXPLORED:
+            self.blacklisted = goal.blacklisted
+            self._notes += [f"given up {place}" for place in goal.blacklisted]
         if goal.event is Event.AHEAD:
             self._hall.begin(view.pose, goal.heading_rad)
+            self._reviewed = view.pose
         elif goal.path:
             self.path, self._target, self._wall_rad = goal.path, goal.path[-1], goal.heading_rad
 
@@ -279,7 +299,7 @@ class Mission:
         """Straight on along a hall or a wall, as long as that shows something new."""
         pose = view.pose
         self._hall.see(view.points, pose)
-        if view.front_is_near or not (self._is_judged(view) or self._judge_leg(view)):
+        if view.front_is_near or view.hall_bends or not (self._is_judged(view) or self._judge_leg(view)):
             self._end_leg(view)
             return Motion(Speed.STOP, pose.heading_rad)
         return Motion(Speed.MEDIUM, self._hall.steered_rad(pose, view.left_m, view.right_m))
@@ -296,8 +316,10 @@ class Mission:
         self._judged = (view.grid_revision, view.pose)
         if self.mode is Mode.STRAIGHT:
             opening = self._hall.opening_passed(view.grid, self._frontiers.frontier, view.pose)
-            if opening is not None and not self.deliberates:
-                self._deliberate(self._enter_opening(view, as_set(opening)))
+            due = opening is not None or self._reviewed.distance_m(view.pose) > REVIEW_M
+            if due and not self.deliberates:
+                self._reviewed = view.pose
+                self._deliberate(self._review_leg(view, as_set(opening) if opening is not None else set()))
         elif self._imaging is not None:
             self._imaging.settle(view.grid, view.pose)
         return self._leg_shows_new(view)
@@ -332,7 +354,9 @@ class Mission:
         if self.mode is Mode.ROUTE and not self._frontiers.something_near(*self._target):
             self._look(Event.GONE, pose.heading_rad, view.now_s)
             return stand
-        if arrived(self.path, pose):
+        if arrived(self.path, pose) or (
+            self.mode is Mode.ROUTE and len(self.path) == 1 and arrived(self.path, pose, SEEN_FROM_M)
+        ):
             self._arrive(view)
             return stand
         if not self._frontiers.is_clear(view, self.path):
@@ -357,7 +381,6 @@ class Mission:
         around = view.grid.around(*target, GOAL_NEAR_CELLS if exact else GOAL_FAR_CELLS)
         route = yield from self._frontiers.route(view, around)
         if route is not None:
-            self._no_path_since_s = None
             self._happens(Event.PATH)
             self.path = [*route[:-1], target] if exact else route
         elif self.mode is Mode.IMAGE:
@@ -365,16 +388,20 @@ class Mission:
         elif self.mode is Mode.RETAKE:
             self._look(Event.NO_PATH, view.pose.heading_rad, view.now_s)
         else:
-            self._wait_for_path(view.now_s, target)
+            self._wait_for_path(view, target)
 
-    def _wait_for_path(self, now_s: float, target: tuple[float, float]) -> None:
+    def _wait_for_path(self, view: View, target: tuple[float, float]) -> None:
+        """Patience is counted from where it began: a path that leads nowhere does not renew it."""
         self._happens(Event.NO_PATH, f"place={target[0]:.2f},{target[1]:.2f}")
-        self._retry_s = now_s + RETRY_S
-        if self._no_path_since_s is None:
-            self._no_path_since_s = now_s
-        if now_s - self._no_path_since_s > NO_PATH_PATIENCE_S:
-            self._no_path_since_s = None
-            self._happens(Event.TOO_LONG)
+        self._retry_s = view.now_s + RETRY_S
+        if self._no_path_since is None or self._no_path_since[1].distance_m(view.pose) > PROGRESS_M:
+            self._no_path_since = view.now_s, view.pose
+        waited_s = view.now_s - self._no_path_since[0]
+        if waited_s > NO_PATH_PATIENCE_S:
+            self._no_path_since = None
+            self._happens(Event.TOO_LONG, f"waited_s={waited_s:.0f} pose={view.pose.x_m:.2f},{view.pose.y_m:.2f}")
+        elif waited_s > OBSTACLES_PATIENCE_S and self._frontiers.forget_obstacles():
+            self._notes.append("no path: obstacles that were met are forgotten, what it drove over is tried again")
 
     def _arrive(self, view: View) -> None:
         self.path = []

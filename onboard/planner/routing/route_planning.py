@@ -6,7 +6,7 @@ import heapq
 from array import array
 from collections.abc import Collection
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, sqrt
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,14 @@ from common.geometry import Pose2
 from common.grid_cells import FREE
 from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, STAND_CLEARANCE_M, Cell, GridMap, Mask
 
-COMFORT_M = 0.8  # nearer to a wall than this a path costs more
-COMFORT_WEIGHT = 3.0
+COMFORT_M = (
+    1.4  # nearer to a wall than this a path costs more: it keeps the middle, where a hall is narrower than twice that
+)
+COMFORT_WEIGHT = 1.2  # so much dearer beside a wall: a narrow hall is no reason for a long way round
+EDGE_M, EDGE_WEIGHT = 0.55, 6.0  # an edge so near ahead stops the robot
 TIGHT_CLEARANCE_M = FOOTPRINT_RADIUS_M + 0.04
 TIGHT_PRICE = 12.0
+STRING_SHARE = 1.03  # of the path's cost that a straight leg may have
 START_RADIUS_CELLS = 4  # around the robot every free cell may be stood on: it stands there
 
 _BEGINNING = 32_767  # no step, for the cell where a search begins
@@ -48,14 +52,16 @@ def cheapest_path(
     start = grid.cell(pose.x_m, pose.y_m)
     if not grid.contains(start):
         return None
-    path = shortest_path(cell_prices(grid, start, blocked), start, wanted)
-    return None if path is None else pull_string(grid, path, blocked)
+    prices = cell_prices(grid, start, blocked)
+    path = shortest_path(prices, start, wanted)
+    return None if path is None else pull_string(grid, path, prices)
 
 
 def cell_prices(grid: GridMap, start: Cell, blocked: Mask | None = None) -> Prices:
     """What a step onto each cell costs a robot that stands on `start`."""
     clearance = grid.clearances_m
     price = 1.0 + COMFORT_WEIGHT * np.maximum(COMFORT_M - clearance, 0.0) / COMFORT_M
+    price += EDGE_WEIGHT * np.maximum(EDGE_M - clearance, 0.0) / EDGE_M
     price = np.where(clearance >= STAND_CLEARANCE_M, price, TIGHT_PRICE)
     price = np.append(np.where(clearance >= TIGHT_CLEARANCE_M, price, 0.0), np.float32(TIGHT_PRICE))
     by_kind: list[float] = (price * grid.cell_m).tolist()
@@ -120,22 +126,30 @@ def _traced(back: memoryview, cell: int, width: int) -> CellPath:
     return np.stack([rows, columns], axis=1) - 1
 
 
-def pull_string(grid: GridMap, path: CellPath, blocked: Mask | None = None) -> list[tuple[float, float]]:
-    """Waypoints (map, metres): as few straight legs as keep the clearance that the path itself keeps."""
+def pull_string(grid: GridMap, path: CellPath, prices: Prices) -> list[tuple[float, float]]:
+    """Waypoints (map, metres): as few straight legs as cost no more than the path itself, so they keep its distance
+    from walls."""
+    by_kind = np.array(prices.by_kind)
     clearance = grid.clearance_m((path[:, 0], path[:, 1]))
+    step = np.hypot(*np.diff(path, axis=0, prepend=path[:1]).T)
+    spent = np.cumsum(by_kind[prices.kinds[path[:, 0] + 1, path[:, 1] + 1]] * step)
     waypoints = [_centre(grid, path, 0)]
     at = 0
     while at < len(path) - 1:
         reach = at + 1
-        step = 1
-        while at + step < len(path):
-            end = at + step
-            wanted = min(float(clearance[at : end + 1].min()), 0.6) - 0.5 * grid.cell_m
-            least_m = max(wanted, STAND_CLEARANCE_M - grid.cell_m)
-            if not straight_is_clear(grid, waypoints[-1], _centre(grid, path, end), least_m, blocked):
+        step_cells = 1
+        while at + step_cells < len(path):
+            end = at + step_cells
+            a, b = waypoints[-1], _centre(grid, path, end)
+            rows, columns = grid.line(a, b)
+            price = by_kind[prices.kinds[rows + 1, columns + 1]]
+            cells = hypot(b[0] - a[0], b[1] - a[1]) / grid.cell_m
+            least_m = min(float(clearance[at : end + 1].min()), STAND_CLEARANCE_M) - 0.5 * grid.cell_m
+            clear = bool((price > 0.0).all()) and float(grid.clearance_m((rows, columns)).min()) >= least_m
+            if not clear or float(price.mean()) * cells > STRING_SHARE * (spent[end] - spent[at]):
                 break
             reach = end
-            step += max(1, step // 3)
+            step_cells += max(1, step_cells // 3)
         waypoints.append(_centre(grid, path, reach))
         at = reach
     return waypoints

@@ -1,0 +1,74 @@
+"""How much floor that nobody has seen lies beyond a frontier: what no sonar can ever show is not worth a visit.
+
+The far corner of a room answers no sonar, nor does a niche that the footprint does not fit into: their unknown cells
+lie behind corners that were closed (`corner_closing`), or too near to walls to stand on. A place behind a frontier
+counts only where the footprint could stand, as far as anybody knows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from common.geometry import Points
+from common.grid_cells import UNKNOWN
+from onboard.planner.exploration.corner_closing import closed_corners
+from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, Cell, GridMap, Mask
+
+ENOUGH_M2 = 1.2  # more is not looked for
+AROUND_CELLS = 36  # of a frontier: as far as what closes corners reaches
+CELL_M = 0.1  # of the mapping unit's grid
+_NEAR = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
+
+
+class UnknownFloor:
+    """Of a grid, with the robot's trail (N, 2)."""
+
+    def __init__(self, grid: GridMap, trail: Points) -> None:
+        self._grid, self._trail = grid, grid.cells_of(trail)
+
+    def beyond_m2(self, frontier: npt.NDArray[np.int64]) -> float:
+        """Square metres beyond these cells (N, 2), connected with them; at most ENOUGH_M2."""
+        low = np.maximum(frontier.min(axis=0) - AROUND_CELLS, 0)
+        high = np.minimum(frontier.max(axis=0) + AROUND_CELLS + 1, self._grid.cells.shape)
+        (r0, c0), (r1, c1) = low.tolist(), high.tolist()
+        unknown = self._unknown(np.s_[r0:r1, c0:c1], low)
+        enough = round(ENOUGH_M2 / self._grid.cell_m**2)
+        found: set[Cell] = set()
+        stack: list[Cell] = [(r, c) for r, c in (frontier - low).tolist()]
+        while stack and len(found) < enough:
+            r, c = stack.pop()
+            for near in ((r + i, c + j) for i, j in _NEAR):
+                inside = 0 <= near[0] < unknown.shape[0] and 0 <= near[1] < unknown.shape[1]
+                if inside and near not in found and unknown[near]:
+                    found.add(near)
+                    stack.append(near)
+        return min(len(found), enough) * self._grid.cell_m**2
+
+    def _unknown(self, window: tuple[slice, slice], low: npt.NDArray[np.int64]) -> Mask:
+        """Where in a part of the grid the footprint could stand, though nobody has seen the floor."""
+        part = self._grid.part(window)
+        driven = np.zeros(part.cells.shape, dtype=bool)
+        _mark(driven, self._trail - low)
+        unknown: Mask = (part.cells == UNKNOWN) & (self._grid.clearance_m(window) >= STAND_CLEARANCE_M)
+        near_wall = np.zeros(part.cells.shape, dtype=bool)
+        walls = np.argwhere(closed_corners(part.cells, driven))
+        _mark(near_wall, (walls[:, None] + _DISC).reshape(-1, 2))
+        return unknown & ~near_wall
+
+
+def _mark(mask: Mask, cells: npt.NDArray[np.int64]) -> None:
+    """Those of the cells (N, 2) that lie in it."""
+    inside = ((cells >= 0) & (cells < np.array(mask.shape))).all(axis=1)
+    mask[tuple(cells[inside].T)] = True
+
+
+def _disc(radius: float) -> npt.NDArray[np.int64]:
+    """Offsets (K, 2) of the cells less than so many cells away."""
+    reach = int(radius)
+    i, j = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    offsets: npt.NDArray[np.int64] = np.stack([i, j], axis=-1)[np.hypot(i, j) < radius]
+    return offsets
+
+
+_DISC = _disc(STAND_CLEARANCE_M / CELL_M)
