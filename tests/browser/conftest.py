@@ -62,11 +62,11 @@ class Robot:
         self.feed.take(POSE, PoseEstimate(0.0, x_m, y_m, 0.3, 0.0, 0.02, 0.01, 1, valid))
         self.feed.take(PERMIT, Permit(0.0, True, ""))
 
-    def wall(self, y_m: float, length_m: float = 8.0) -> None:
+    def wall(self, y_m: float, length_m: float = 8.0, *, inferred: bool = False) -> None:
         """A wall from x 0 on, at the density of the specification."""
         xs = np.arange(0.0, length_m, 1.0 / MAP_DENSITY_PER_M)
         points = np.column_stack([xs, np.full(len(xs), y_m)]).astype(np.float32)
-        self.feed.take(MAP, MapUpdate(0.0, 1, self._points, points, np.zeros(len(xs), np.uint8)))
+        self.feed.take(MAP, MapUpdate(0.0, 1, self._points, points, np.full(len(xs), inferred, np.uint8)))
         self._points += len(xs)
 
     def door(self, poi_id: int, number: str, room: str = "Office", state: str = "read", jpeg: bytes = b"") -> None:

@@ -30,6 +30,27 @@ def test_the_map_is_drawn_and_grows(robot: Robot, visit: Open) -> None:
     seen.until(lambda: seen.wall_pixels() > 1.5 * before, "the second wall")
 
 
+WALL_SHARE = """(y) => import('./main.js').then(({ map }) => {
+    const { view, ratio, base } = map;
+    const context = base.getContext("2d");
+    const [[x0, at], [x1]] = [view.toScreen(1, y), view.toScreen(7, y)];
+    const { data } = context.getImageData(x0 * ratio, at * ratio, (x1 - x0) * ratio, 1);
+    let dark = 0;
+    for (let k = 0; k < data.length; k += 4) dark += data[k] < 0xb0;
+    return dark / (data.length / 4);
+})"""
+
+
+def test_an_inferred_wall_is_dashed_and_one_that_was_echoed_is_not(robot: Robot, visit: Open) -> None:
+    robot.wall(0.0)
+    robot.wall(2.5, inferred=True)
+    robot.pose()
+    seen = visit(robot)
+    seen.until_live(robot)
+    seen.until(lambda: seen.page.evaluate(WALL_SHARE, 0.0) > 0.99, "the echoed wall without a gap")
+    assert 0.3 < seen.page.evaluate(WALL_SHARE, 2.5) < 0.8
+
+
 @pytest.mark.requirement("VSL_MR_04")
 @pytest.mark.parametrize("how", ["mouse", "keyboard", "touch"])
 def test_an_asterisk_opens_name_number_room_and_photo(robot: Robot, visit: Open, how: str) -> None:

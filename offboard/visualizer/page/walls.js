@@ -1,10 +1,14 @@
 // Wall points -> wall lines. Of the points in a square of THIN one is kept, and each is joined to the nearest one
-// before it that is nearer than JOIN: as few strokes as keep a wall together, and each new point costs the same.
+// before it that is nearer than JOIN: as few strokes as keep a wall together, and each new point costs the same. Inferred
+// walls are dashed: strokes that short have no dashes of their own, so those that lie in a gap are left out.
 
 const THIN = 0.06; // metres; both as in the exports
 const JOIN = 0.25;
+const DASH = 0.3;
 const CHUNK = 400; // strokes per path: what is out of sight is not drawn
 
+// Along either axis, and along nearly every slanting line, every other DASH is a gap
+const inGap = (x, y) => Math.floor((x + 0.8 * y) / DASH) % 2 === 0;
 const key = (i, j) => i * 1000003 + j;
 
 export class Walls {
@@ -25,17 +29,22 @@ export class Walls {
     const square = key(Math.floor(x / THIN), Math.floor(y / THIN));
     if (this.thin.has(square)) return;
     this.thin.add(square);
-    const [nx, ny] = this.#nearest(x, y) ?? [x, y];
-    const chunk = this.#chunk(inferred);
-    chunk.path.moveTo(nx, ny);
-    chunk.path.lineTo(x, y);
-    chunk.strokes++;
-    chunk.box = grown(chunk.box, x, y);
+    if (!inferred || !inGap(x, y)) this.#stroke(x, y, inferred);
     this.box = grown(this.box, x, y);
     const cell = key(Math.floor(x / JOIN), Math.floor(y / JOIN));
     const inside = this.cells.get(cell);
     if (inside) inside.push(x, y);
     else this.cells.set(cell, [x, y]);
+  }
+
+  #stroke(x, y, inferred) {
+    const [nx, ny] = this.#nearest(x, y) ?? [x, y];
+    const chunk = this.#chunk(inferred);
+    if (inferred && inGap(nx, ny)) chunk.path.moveTo(x, y);
+    else chunk.path.moveTo(nx, ny);
+    chunk.path.lineTo(x, y);
+    chunk.strokes++;
+    chunk.box = grown(chunk.box, x, y);
   }
 
   #nearest(x, y) {
