@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import zlib
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +12,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import WebSocketRoute, expect
 
-from common.messages import PLAN, Outcome, PlannerView
+from common.grid_cells import FREE, WALL
+from common.messages import GRID, PLAN, GridUpdate, Outcome, PlannerView
 from tests.browser.conftest import Robot, Visit
 
 pytestmark = pytest.mark.timeout(60)
@@ -28,6 +30,32 @@ def test_the_map_is_drawn_and_grows(robot: Robot, visit: Open) -> None:
     before = seen.wall_pixels()
     robot.wall(2.5)
     seen.until(lambda: seen.wall_pixels() > 1.5 * before, "the second wall")
+
+
+FLOOR = """([x, y]) => import('./main.js').then(({ map }) => {
+    const [sx, sy] = map.view.toScreen(x, y).map((s) => s * map.ratio);
+    return map.base.getContext("2d").getImageData(sx, sy, 1, 1).data[0];
+})"""
+
+
+def test_a_sonars_fan_through_a_wall_is_fainter_than_the_floor(robot: Robot, visit: Open) -> None:
+    """A hall between two walls of points; beyond one of them floor that only a fan has shown."""
+    cells = np.zeros((60, 100), np.uint8)
+    cells[10:30, 5:95] = FREE
+    cells[33:45, 40:60] = FREE
+    cells[28:33, 45:55] = FREE
+    cells[30, 5:95:2] = WALL
+    cells[9, 5:95] = WALL
+    grid = GridUpdate(0.0, 1, -0.5, -1.0, 0.05, 60, 100, zlib.compress(cells.tobytes()))
+    robot.feed.take(GRID, grid)
+    for k in range(30):
+        robot.pose(x_m=k / 10, y_m=0.0)
+    robot.pose(x_m=0.0, y_m=0.0)
+    seen = visit(robot)
+    seen.until_live(robot)
+    hall, beyond, unknown = [2.6, 0.2], [2.2, 0.9], [0.3, 1.6]
+    seen.until(lambda: seen.page.evaluate(FLOOR, hall) > seen.page.evaluate(FLOOR, beyond) + 10, "the floor")
+    assert seen.page.evaluate(FLOOR, beyond) > seen.page.evaluate(FLOOR, unknown) + 2
 
 
 WALL_SHARE = """(y) => import('./main.js').then(({ map }) => {
@@ -153,7 +181,7 @@ def test_a_restarted_server_fills_the_page_again(visit: Open) -> None:
     seen = visit(first)
     seen.until_live(first)
     first.server.close()
-    seen.until_link("ended")
+    seen.until_link("ended", "lost")
     expect(seen.page.locator("#banner")).to_contain_text("Last known position")
     second = Robot(first.server.port)
     try:

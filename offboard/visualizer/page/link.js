@@ -8,7 +8,7 @@ const RETRY_FIRST_S = 0.3;
 const RETRY_MAX_S = 2;
 const SILENT_S = 3; // a socket without a message for so long counts as lost, even while the browser shows it as open
 const CONFIRM_BYTES = 2000;
-const LEFT = 1001; // the server ended as it should
+const LEFT = [1001, 1012]; // the server ended as it should: by its own word, or by its library's
 
 function decode(data) {
   if (typeof data === "string") return JSON.parse(data);
@@ -85,7 +85,7 @@ export class Link {
   #lost(socket, code) {
     if (this.socket !== socket) return;
     this.socket = null;
-    this.onState(false, code === LEFT);
+    this.onState(false, LEFT.includes(code));
     setTimeout(() => this.#connect(), 1000 * this.retryS);
     this.retryS = Math.min(2 * this.retryS, RETRY_MAX_S);
     if (!this.everOpened) this.#askWhy();

@@ -63,7 +63,19 @@ export class MapView {
     const grid = this.model.grid;
     if (!grid || this.decoding) return;
     this.decoding = grid;
-    this.worker.postMessage({ body: grid.body, rows: grid.rows, columns: grid.columns });
+    const { body, rows, columns, cell_m: cell } = grid;
+    this.worker.postMessage({ body, rows, columns, cell, driven: this.#drivenCells(grid) });
+  }
+
+  // Cells of the grid, by their number, that the robot drove over
+  #drivenCells({ origin: [x0, y0], cell_m, rows, columns }) {
+    const { trail } = this.model;
+    const driven = [];
+    for (let k = 0; k < trail.length; k += 2) {
+      const column = Math.floor((trail[k] - x0) / cell_m), row = Math.floor((trail[k + 1] - y0) / cell_m);
+      if (column >= 0 && column < columns && row >= 0 && row < rows) driven.push(row * columns + column);
+    }
+    return driven;
   }
 
   #floorReady({ bitmap }) {
