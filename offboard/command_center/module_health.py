@@ -13,6 +13,7 @@ KEPT_S = 600.0
 _BARS = "▁▂▃▄▅▆▇█"
 _BARS_MAX = 20
 _KB_PER_MB = 1024
+_MB_FROM_KB = 10 * _KB_PER_MB
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +49,13 @@ def health_text(samples: Sequence[Sample]) -> str:
     """From the least to the most of each, and how it went; empty where there is nothing yet."""
     if not samples:
         return ""
-    memory = [sample.memory_kb / _KB_PER_MB for sample in samples]
+    memory = [float(sample.memory_kb) for sample in samples]
+    unit = "kB"
+    if max(memory) >= _MB_FROM_KB:
+        memory, unit = [kb / _KB_PER_MB for kb in memory], "MB"
     cpu = [100 * sample.cpu_share for sample in samples]
     minutes = len(samples) * SAMPLE_S / 60
-    parts = [f"memory {_span(memory)} MB {bars(memory)}"]
+    parts = [f"memory {_span(memory)} {unit} {bars(memory)}"]
     if any(cpu):
         parts.append(f"cpu {_span(cpu)} % {bars(cpu)}")
     return f"{' · '.join(parts)} · last {minutes:.0f} min" if minutes >= 1 else " · ".join(parts)

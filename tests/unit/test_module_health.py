@@ -26,7 +26,7 @@ def test_the_most_of_each_ten_seconds_is_kept_for_ten_minutes() -> None:
 def test_the_words_have_least_and_most_and_how_it_went() -> None:
     samples = [Sample(1024 * (60 + k), 0.04 * k) for k in range(6)]
     assert health_text(samples) == "memory 60 to 65 MB ▇█████ · cpu 0 to 20 % ▁▂▄▅▇█ · last 1 min"
-    assert health_text([Sample(1024 * 5, 0.0)]) == "memory 5 MB █"
+    assert health_text([Sample(6, 0.0)]) == "memory 6 kB █"
     assert health_text([]) == ""
 
 
