@@ -162,7 +162,7 @@ class PoiSection:
     number_pattern: Annotated[str, Pattern(longest=200), OnPlate()] = ""
     """A form of the site's own: regular expression of a whole number as it stands on the plate, with its separators."""
     number_repairs: tuple[Annotated[str, _REPAIR], ...] = (
-        "O<>0", "I<>1", "S<>5", "B<>8", "Z>2", "Q>0", "D>0", "L>1", "|>1", "I>|", "L>|", ",>.",
+        "O<>0", "I<>1", "S<>5", "B<>8", "Z>2", "Q>0", "D>0", "L>1", "|>1", "1>|", "I>|", "L>|", ",>.",
     )  # fmt: skip
     """What is read for one another, exchanged only where a number's form wants the other: <> both, > the first."""
     words_before: tuple[str, ...] = (

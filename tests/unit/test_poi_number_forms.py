@@ -103,6 +103,7 @@ def shown(forms: NumberForms, line: str) -> str:
         ("building|room", "S1|07", "S1|07"),
         ("building|room", "S1│07", "S1|07"),
         ("building|room", "S1I07", "S1|07"),
+        ("building|room", "S9103", "S9|03"),
         ("building|room", "51|O7", "S1|07"),
     ],
 )
@@ -204,6 +205,27 @@ def test_suffix_of_two_letters_loses_none_to_the_digits() -> None:
     number = site_forms(PoiSection(number_pattern="[0-9]{3,4}[A-Z]?")).match("204SC")
     assert number is not None
     assert number.shown == "204SC"
+
+
+def test_space_that_the_engine_overlooked_is_found_where_only_one_place_makes_a_number() -> None:
+    forms = site_forms(PoiSection(number_pattern="[0-9]{2} [0-9]{3}"))
+    number = forms.match("21269")
+    assert number is not None
+    assert (number.shown, number.key, number.repairs) == ("21 269", "21 269", 1)
+    assert forms.match("212697") is None
+    either = site_forms(PoiSection(number_pattern="[0-9]{2} [0-9]{3}|[0-9]{3} [0-9]{2}"))
+    assert either.match("21269") is None
+
+
+def test_number_of_another_form_is_not_parted_to_be_of_the_sites() -> None:
+    number = at_site("building-room").match("A2043")
+    assert number is not None
+    assert (number.shown, number.form) == ("A2043", "letter-prefix")
+
+
+def test_bar_that_was_read_as_a_digit_is_found_where_only_one_digit_may_be_it() -> None:
+    number = at_site("building|room").match("S1117")
+    assert number is None or number.form != "building|room"
 
 
 def test_site_without_repairs_takes_what_was_read() -> None:

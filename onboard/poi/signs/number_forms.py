@@ -21,6 +21,7 @@ from onboard.poi.signs.false_numbers import suspicion
 LETTERS_MAX = 12  # no room number has more, and a site's own pattern may take time that doubles with each
 TOO_COMMON = ("short",)  # forms that too much has by chance to be learned
 REPAIRS_MAX = 3  # letters that are exchanged in one number
+_TWO_PAIRS = re.compile("[0-9]{4}")
 # Behind or before a number in East Asian buildings; the engine reads counter words that it lacks as some ideograph
 _IDEOGRAPHS = "[\u2e80-\u9fff\uac00-\ud7af\uf900-\ufaff]{1,3}"
 
@@ -73,7 +74,8 @@ class NumberForms:
         if not 0 < len(text) <= LETTERS_MAX:
             return None
         found = _first_match(_spellings(text), self.own) or self._repaired(text)
-        if found is None and (found := _first_match(_spellings(text), self.foreign)) is None:
+        found = found or _first_match(_spellings(text), self.foreign) or self._parted(text)
+        if found is None:
             return None
         form, shown, repairs = found
         return RoomNumber(shown, form, words, "" if form == OWN_PATTERN else suspicion(shown), repairs)
@@ -96,6 +98,12 @@ class NumberForms:
                 form, shown, _ = min(results.values())
                 return (form, shown, count) if len({key_of(r) for r in results}) == 1 else None
         return None
+
+    def _parted(self, text: str) -> tuple[str, str, int] | None:
+        """With a space between two pairs of digits, which engines overlook; None where it may be in several places."""
+        parted = {text[:i] + " " + text[i:] for i in range(2, len(text) - 1) if _TWO_PAIRS.match(text, i - 2)}
+        results = [found for one in parted if (found := _first_match(_spellings(one), self.own)) is not None]
+        return (results[0][0], results[0][1], 1) if len(results) == 1 else None
 
     def _exchanged(self, text: str, count: int) -> Iterator[str]:
         """The text with so many letters exchanged; at least one digit stays as it was read."""
