@@ -121,6 +121,21 @@ def test_nothing_lies_ahead_when_there_is_no_room_to_go() -> None:
 
 
 @pytest.mark.requirement("PLN_MR_01")
+def test_an_opening_is_found_though_its_edge_hides_the_inside_from_a_robot_that_has_passed_it() -> None:
+    """Of the side hall a fan of floor was seen in passing, up to its end wall; its own walls were not."""
+    grid = drawn(
+        [(1.0, 2.0, 9.0, 4.0), (3.4, 0.6, 4.6, 2.0)],
+        [(1.0, 4.0, 9.0, 4.1), (1.0, 1.9, 3.4, 2.0), (4.6, 1.9, 9.0, 2.0), (3.4, 0.5, 4.6, 0.6), (0.9, 1.9, 1.0, 4.1)],
+    )
+    here = Pose2(5.2, 3.0, 0.0)
+    frontier = frontier_of(grid)
+    inside = frontier.points[frontier.points[:, 1] < 1.5]
+    assert len(inside)
+    assert not grid.sees_each(np.array([here.x_m, here.y_m]), inside).all()
+    assert opening_on_the_right(grid, frontier, here, EAST) is not None
+
+
+@pytest.mark.requirement("PLN_MR_01")
 def test_an_opening_on_the_right_is_found_once_it_was_passed() -> None:
     grid = junction()
     frontier = frontier_of(grid)

@@ -228,7 +228,9 @@ def opening_on_the_right(grid: GridMap, frontier: Frontier, pose: Pose2, heading
     )
     if not passed.any() or np.ptp(points[passed, 0]) < OPENING_WIDTH_M:
         return None
-    seen = grid.sees_each(np.array([pose.x_m, pose.y_m]), frontier.points[passed])
+    # From where it was abeam: an edge of the opening hides what is inside from a robot that has passed it
+    abeam = np.array([pose.x_m, pose.y_m]) + points[passed, :1] * np.array([cos(heading_rad), sin(heading_rad)])
+    seen = grid.sees_each(abeam, frontier.points[passed])
     if seen.sum() < GROUP_CELLS_MIN or np.ptp(points[passed][seen, 0]) < OPENING_WIDTH_M:
         return None
     opening: Cells = frontier.cells[passed][seen]

@@ -48,7 +48,6 @@ PROGRESS_M = 2.0  # so far away it is another place that it waits at
 RETRY_S = 3.0
 GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
 GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
-SEEN_FROM_M = 0.5  # so near to an unseen place the sonars show it, and walls beside it do not stop the robot
 REVIEW_M = 1.5  # of a leg, between two looks at the list
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
@@ -354,9 +353,7 @@ class Mission:
         if self.mode is Mode.ROUTE and not self._frontiers.something_near(*self._target):
             self._look(Event.GONE, pose.heading_rad, view.now_s)
             return stand
-        if arrived(self.path, pose) or (
-            self.mode is Mode.ROUTE and len(self.path) == 1 and arrived(self.path, pose, SEEN_FROM_M)
-        ):
+        if arrived(self.path, pose):
             self._arrive(view)
             return stand
         if not self._frontiers.is_clear(view, self.path):

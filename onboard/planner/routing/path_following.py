@@ -32,9 +32,9 @@ def rest_of(path: Path, pose: Pose2) -> Path:
     return path[passed:]
 
 
-def arrived(path: Path, pose: Pose2, within_m: float = ARRIVED_M) -> bool:
+def arrived(path: Path, pose: Pose2) -> bool:
     """Is the last point reached?"""
-    return hypot(path[-1][0] - pose.x_m, path[-1][1] - pose.y_m) < within_m
+    return hypot(path[-1][0] - pose.x_m, path[-1][1] - pose.y_m) < ARRIVED_M
 
 
 def speed_along(path: Path, pose: Pose2, heading_rad: float, grid: GridMap) -> Speed:
