@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
+from onboard.mmu.back_end.keyframe_graph import CLOSURE_M, KIDNAPPED_M, KeyframeGraph
 from onboard.mmu.back_end.loop_closure import ADOPTED_CHI2_MAX, Attempt
 from onboard.mmu.back_end.map_builder import deferred_back_end
+from onboard.mmu.back_end.odometry_noise import GYRO_LED
 from onboard.mmu.front_end.scan_matching import Match
+from onboard.mmu.map.keyframes import Keyframe, ObservationStore
 from onboard.mmu.slam import Slam
 from tests.unit.test_mmu_faults import fed, reports
 
@@ -58,3 +61,38 @@ def test_what_the_back_end_decided_is_logged_by_the_node(caplog: pytest.LogCaptu
     assert len(tried) < slam.travel_m * 2, "two a metre at most"
     calibrations = [line for line in caplog.messages if line.startswith("calibration")]
     assert 2 <= len(calibrations) <= slam.travel_m / 5.0
+
+
+def straight(count: int, kidnapped: int = -1, prior: int = 0) -> KeyframeGraph:
+    """Keyframes a metre apart; the first `prior` are a prior map, before the one `kidnapped` the robot was carried."""
+    graph = KeyframeGraph(GYRO_LED)
+    for i in range(count):
+        keyframe = Keyframe(float(i), Pose2(float(i), 0.0, 0.0), float(i), float(i), 0.0, 0.0, certain=i != kidnapped)
+        graph.add(keyframe, prior_map=i < prior)
+    return graph
+
+
+def test_a_new_loop_closure_does_not_make_a_place_from_long_ago_better_known() -> None:
+    """The search for it stays as wide as the way there is long; only across the closure it is a short one."""
+    graph = straight(101)
+    assert graph.graph_paths_m()[[0, 60, 100]] == pytest.approx([100.0, 40.0, 0.0], abs=0.01)
+    graph.close_loop(60, 95)
+    assert graph.graph_paths_m()[[0, 60]] == pytest.approx([60.0 + CLOSURE_M + 5.0, CLOSURE_M + 5.0], abs=0.01)
+    window_m = graph.noise.search_window(graph.graph_paths_m())[0]
+    assert window_m[0] > window_m[60] + 1.0
+
+
+def test_the_way_through_a_prior_map_costs_nothing_and_being_carried_much() -> None:
+    assert straight(21, prior=11).graph_paths_m()[0] == pytest.approx(10.0, abs=0.1)
+    assert straight(21, kidnapped=15).graph_paths_m()[0] == pytest.approx(19.0 + KIDNAPPED_M, abs=0.1)
+    assert straight(1).graph_paths_m() == pytest.approx([0.0])
+
+
+def test_a_stretch_is_as_long_as_its_echoes_are_few() -> None:
+    few, many = ObservationStore(), ObservationStore()
+    few.append([[0, 0.5 * i, 0, 0, 0, 1] for i in range(60)])
+    many.append([[0, 0.05 * i, 0, 0, 0, 1] for i in range(600)])
+    assert np.ptp(many.newest(30.0, 5.0, 12.0, 20)[:, 1]) == pytest.approx(5.0, abs=0.2)
+    assert np.ptp(few.newest(30.0, 5.0, 12.0, 20)[:, 1]) == pytest.approx(9.5, abs=0.6)
+    assert np.ptp(few.newest(30.0, 5.0, 12.0, 200)[:, 1]) == pytest.approx(11.5, abs=0.6)
+    assert len(ObservationStore().newest(30.0, 5.0, 12.0, 20)) == 0

@@ -11,6 +11,9 @@ from common.geometry import FloatArray, Pose2
 from onboard.mmu.back_end.back_end import BackEnd
 from onboard.mmu.back_end.exchange import Increment
 from onboard.mmu.back_end.heading_drift import apparent_turn
+from onboard.mmu.back_end.keyframe_graph import KeyframeGraph
+from onboard.mmu.back_end.odometry_noise import UNKNOWN, WHEELS_ALONE
+from onboard.mmu.back_end.sequential_matching import TURN_PATH_M, SequentialMatching
 from onboard.mmu.map.keyframes import Keyframe
 
 RNG = np.random.default_rng(7)
@@ -58,3 +61,25 @@ def test_the_heading_is_right_whether_odometry_turns_away_or_not(turn_deg_per_m:
     for increment in drive(radians(turn_deg_per_m), 20.0):
         headings = back_end.take(increment).poses[:, 2]
     assert np.degrees(np.ptp(headings[-20:])) < 4.0
+
+
+def judged(monkeypatch: pytest.MonkeyPatch, turns_deg_per_m: list[float]) -> KeyframeGraph:
+    """After walls seemed to turn by so much, one stretch after the other."""
+    turns = iter(turns_deg_per_m)
+    monkeypatch.setattr("onboard.mmu.back_end.sequential_matching.apparent_turn", lambda *_: radians(next(turns)))
+    keyframes = KeyframeGraph(UNKNOWN)
+    matching = SequentialMatching(keyframes)
+    for i in range(len(turns_deg_per_m)):
+        path_m = (i + 1) * TURN_PATH_M
+        keyframes.add(Keyframe(path_m, Pose2(path_m, 0.0, 0.0), path_m, path_m, 0.0, 0.0), prior_map=False)
+        matching.judge_odometry()
+    return keyframes
+
+
+def test_walls_that_turn_this_way_and_that_leave_a_gyro_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a hall full of things each stretch seems to turn, and by chance a few one way."""
+    assert judged(monkeypatch, [-0.5, 4.5, 3.9, -1.1, 5.0, 0.6, 3.1, -2.2, 4.4, 0.8]).noise is UNKNOWN
+
+
+def test_walls_that_all_turn_one_way_show_that_no_gyro_leads(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert judged(monkeypatch, [-3.1, -2.4, -3.8, -3.0, -2.7]).noise is WHEELS_ALONE

@@ -99,6 +99,24 @@ def test_wheels_that_turn_away_are_found_out_by_the_walls(tmp_path: Path, capsys
     assert "step: mean" in capsys.readouterr().out
 
 
+def test_a_slow_sensor_maps_too(tmp_path: Path) -> None:
+    """Each tenth scan, 0.8 m apart, with wheels that turn away by half a degree per metre."""
+    log = written(tmp_path / "log.csv", drift_rad_per_m=radians(0.5))
+    lines = log.read_text(encoding="utf-8").splitlines()
+    slow = tmp_path / "slow.csv"
+    slow.write_text("\n".join(lines[:3] + lines[3::10]) + "\n", encoding="utf-8")
+    assert main(["replay", str(slow), "--out", str(tmp_path / "out"), "--beam-half-width", "0"]) == 0
+    truth = np.array([pose.as_array() for _, pose, _ in round_trip()])[::10]
+    odometry = np.array([pose.as_array() for _, _, pose in round_trip(radians(0.5))])[::10]
+    poses = read_tum(tmp_path / "out" / "trajectory_smoothed.tum")[1]
+    off_m, odometry_off_m = (
+        float(np.hypot(*(rigid_fit(p[:, :2], truth[:, :2]).transform(p[:, :2]) - truth[:, :2]).T).max())
+        for p in (poses, odometry)
+    )
+    assert odometry_off_m > 0.5
+    assert off_m < 0.3 * odometry_off_m
+
+
 def changed(path: Path, line: int, text: str | None, old: str = "", new: str = "") -> Path:
     lines = path.read_text(encoding="utf-8").splitlines()
     lines[line - 1] = lines[line - 1].replace(old, new) if text is None else text

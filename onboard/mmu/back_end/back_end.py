@@ -83,8 +83,7 @@ class BackEnd:
             self._observe_walls()
             self._loop_closure.search()
             self._settle(mark)
-            if self._loop_closure.adopt():
-                self._keyframes.closure_path_m = self._keyframes.path_m
+            self._loop_closure.adopt()
         return [*lines, *self._loop_closure.take_log(), *self._calibration_line()]
 
     def _observe_walls(self) -> None:

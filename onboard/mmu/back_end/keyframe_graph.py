@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import cos, radians, sin
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
 from onboard.mmu.back_end.odometry_noise import WHEELS_ALONE, OdometryNoise
@@ -18,6 +20,8 @@ PRIOR_MAP = np.diag([0.01**-2, 0.01**-2, radians(0.1) ** -2])  # information bet
 KIDNAPPED = np.diag([2.0**-2, 2.0**-2, radians(30.0) ** -2])  # where the robot may have been kidnapped in between
 KIDNAPPED_M = 200.0  # of path without a loop closure: as widely a kidnapped robot is searched for
 STRETCH_M = 10.0  # of travel with one value of the drift
+CLOSURE_M = 2.0  # path that loses as much as a loop closure leaves open
+EDGE_MIN_M = 1e-3  # a sparse matrix takes a way of no length for none
 
 
 class KeyframeGraph:
@@ -30,6 +34,7 @@ class KeyframeGraph:
         self.echoes = ObservationStore()
         self.closure_path_m = 0.0  # path at the newest loop closure that was adopted
         self._keyframes: list[Keyframe] = []
+        self._edges: list[tuple[int, int, float]] = []  # two nodes, and the path (m) that they are lost by
 
     def __len__(self) -> int:
         return len(self._keyframes)
@@ -41,10 +46,18 @@ class KeyframeGraph:
     def path_m(self) -> float:
         return self.paths_m[-1]
 
-    @property
-    def without_closure_m(self) -> float:
-        """The path since the newest loop closure."""
-        return self.path_m - self.closure_path_m
+    def graph_paths_m(self) -> FloatArray:
+        """(K,) the shortest path through the graph from each node to the newest: a loop closure is a shortcut."""
+        edges = np.array(self._edges, dtype=np.float64).reshape(-1, 3)
+        nodes = edges[:, 0].astype(int), edges[:, 1].astype(int)
+        graph = csr_matrix((np.maximum(edges[:, 2], EDGE_MIN_M), nodes), shape=(len(self), len(self)))
+        graph_paths_m: FloatArray = np.asarray(dijkstra(graph, directed=False, indices=[len(self) - 1]))[0]
+        return graph_paths_m
+
+    def close_loop(self, anchor: int, node: int) -> None:
+        """A loop closure between the nodes was adopted."""
+        self._edges.append((anchor, node, CLOSURE_M))
+        self.closure_path_m = self.path_m
 
     @property
     def measured_headings_rad(self) -> FloatArray:
@@ -70,9 +83,11 @@ class KeyframeGraph:
         if prior_map:  # not driven
             travel_m = turn_rad = 0.0
         information = PRIOR_MAP if prior_map else self.noise.information(travel_m, turn_rad, keyframe.slip_m_per_sqrt_m)
+        lost_m = 0.0 if prior_map else keyframe.path_m - last.path_m
         if not keyframe.certain:
-            information = KIDNAPPED
+            information, lost_m = KIDNAPPED, KIDNAPPED_M
             self.closure_path_m = keyframe.path_m - KIDNAPPED_M
+        self._edges.append((node - 1, node, lost_m))
         self.graph.odometry.add(node - 1, node, measured, information, travel_m, turn_rad, stretch)
         self._keyframes.append(keyframe)
 

@@ -17,6 +17,8 @@ from onboard.mmu.front_end.scan_matching import Match
 
 # Where a loop closure is tried. The sensitivity to these lengths was not measured
 RECENT_M = 5.0  # of path that is matched as one
+RECENT_MAX_M = 12.0  # where fewer echoes than these were received in it
+RECENT_POINTS = 60
 GAP_M = 12.0  # of path before a place counts as visited before
 REACH_M = 3.0
 SPAN_M = 7.0  # of the earlier path, before and after the place
@@ -82,50 +84,55 @@ class LoopClosure:
     def search(self) -> None:
         """Tries the earlier passes of this place, the oldest ones first."""
         keyframes = self._keyframes
-        rows = keyframes.echoes.stretch(keyframes.path_m - RECENT_M)
+        rows = keyframes.echoes.newest(keyframes.path_m, RECENT_M, RECENT_MAX_M, RECENT_POINTS)
         if len(rows) < POINTS_MIN:
             return
         poses = keyframes.graph.poses
         here = poses[-1]
         paths_m = np.array(keyframes.paths_m)
-        old = paths_m < keyframes.path_m - RECENT_M - GAP_M
+        begins_m = float(rows[:, 1].min())
+        old = paths_m < begins_m - GAP_M
         near_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
         near_m[~old] = np.inf
         mine = int(np.median(rows[:, 0]))
-        reach_m = REACH_M + keyframes.noise.search_window(keyframes.without_closure_m)[0]
+        graph_paths_m = keyframes.graph_paths_m()
+        reach_m = REACH_M + keyframes.noise.search_window(graph_paths_m)[0]
         for _ in range(PASSES_MAX):
             reachable = np.flatnonzero(near_m < reach_m)
             if not len(reachable):
                 return
             first_m = paths_m[reachable[0]]
             of_pass = reachable[paths_m[reachable] < first_m + 2 * REACH_M]
-            self._try_pass(int(of_pass[near_m[of_pass].argmin()]), mine, rows)
+            anchor = int(of_pass[near_m[of_pass].argmin()])
+            self._try_pass(anchor, mine, rows, float(graph_paths_m[anchor]))
             near_m[paths_m < first_m + 2 * SPAN_M] = np.inf
 
-    def adopt(self) -> bool:
-        """Judges the loop closures added since the last call; true where the settled graph agrees with one of them."""
+    def adopt(self) -> None:
+        """Judges the loop closures added since the last call: does the settled graph agree with them?"""
         factors = self._keyframes.graph.loop_closures
         chi2 = factors.chi2_since(self._keyframes.graph.states, len(factors) - len(self._added)).tolist()
         adopted = [own < ADOPTED_CHI2_MAX for own in chi2]
         for attempt, own, good in zip(self._added, chi2, adopted, strict=True):
             self._log.append(attempt.line("adopted" if good else "rejected: chi2", own))
+            if good:
+                self._keyframes.close_loop(attempt.anchor, attempt.node)
         self._added = []
-        return any(adopted)
 
     def take_log(self) -> tuple[str, ...]:
         """A line for each loop closure that was tried since the last call."""
         lines, self._log = tuple(self._log), []
         return lines
 
-    def _try_pass(self, anchor: int, node: int, recent: FloatArray) -> None:
+    def _try_pass(self, anchor: int, node: int, recent: FloatArray, graph_path_m: float) -> None:
+        """`graph_path_m`: from the anchor to here, as `KeyframeGraph.graph_paths_m` has it."""
         keyframes = self._keyframes
         path_m = keyframes.paths_m[anchor]
-        end_m = min(path_m + SPAN_M, keyframes.path_m - RECENT_M - 2.0)
+        end_m = min(path_m + SPAN_M, float(recent[:, 1].min()) - 2.0)
         rows = keyframes.echoes.stretch(path_m - SPAN_M, end_m)
         if len(rows) < POINTS_MIN:
             return
-        search_m, search_rad = keyframes.noise.search_window(keyframes.without_closure_m)
-        match = keyframes.register(recent, rows, node, search_m, search_rad)
+        search_m, search_rad = keyframes.noise.search_window(graph_path_m)
+        match = keyframes.register(recent, rows, node, float(search_m), float(search_rad))
         attempt = Attempt(anchor, node, len(recent), match)
         failed = attempt.failed_gate
         if match is None or failed is not None:

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
+import numpy.typing as npt
 
 from common.geometry import FloatArray
 from onboard.mmu.back_end.calibration_priors import CalibrationPrior
 
-# How widely a scan match searches: it grows with the path since the last loop closure. The sensitivity was not measured
+# How widely a scan match searches: it grows with the path through the graph. The sensitivity was not measured
 SEARCH_M = 0.8
 SEARCH_MAX_M = 4.0
 SEARCH_RAD = 0.06
@@ -25,7 +26,7 @@ class OdometryNoise:
     heading_rad_per_sqrt_m: float
     heading_share: float  # of the turn
     calibration: CalibrationPrior
-    lost_m_per_m: float = 0.02  # three standard deviations of the place, by the path since the last closure
+    lost_m_per_m: float = 0.02  # three standard deviations of the place, by the path through the graph
     lost_rad_per_m: float = 0.002
     along_m: float = 0.003
     slip_m_per_sqrt_m: float = 0.015  # of the path, where nothing shows it
@@ -44,11 +45,12 @@ class OdometryNoise:
         """Of the path after one metre, as a standard deviation: the known one, or what is to be expected."""
         return self.slip_m_per_sqrt_m if known_m_per_sqrt_m is None else known_m_per_sqrt_m
 
-    def search_window(self, since_m: float) -> tuple[float, float]:
-        """How far off (metres, radians) the robot may be after a path of `since_m` without a loop closure."""
+    def search_window(self, graph_path_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """How far off (metres, radians) the robot may be after paths through the graph of `graph_path_m` (any shape)."""
+        graph_paths_m = np.asarray(graph_path_m, dtype=np.float64)
         return (
-            min(SEARCH_M + self.lost_m_per_m * since_m, SEARCH_MAX_M),
-            min(SEARCH_RAD + self.lost_rad_per_m * since_m, SEARCH_MAX_RAD),
+            np.minimum(SEARCH_M + self.lost_m_per_m * graph_paths_m, SEARCH_MAX_M),
+            np.minimum(SEARCH_RAD + self.lost_rad_per_m * graph_paths_m, SEARCH_MAX_RAD),
         )
 
 
@@ -63,7 +65,10 @@ GYRO_LED = OdometryNoise(
     heading_rad=radians(0.01),
     same_rad=radians(1.2),
 )
-UNKNOWN = OdometryNoise(radians(0.05), 0.003, CalibrationPrior(radians(0.1), radians(0.01), 0.01, WHEEL_SCALE_SD))
+# Of five logs of wheels with a gyro: less a constant drift, the heading errs by 0.3 to 0.5 degrees over a metre,
+# 1.0 to 1.5 over 10 m, 1.6 to 2.5 over 30 m. So it is noise that grows with the root of the path, while the drift
+# stays. Taken for a drift that wanders, it turns the whole run by what one short loop measured.
+UNKNOWN = OdometryNoise(radians(0.3), 0.003, CalibrationPrior(radians(0.05), radians(0.002), 0.01, WHEEL_SCALE_SD))
 WHEELS_ALONE = OdometryNoise(
     radians(1.5), 0.03, CalibrationPrior(radians(2.0), radians(0.1), 0.03, WHEEL_SCALE_SD), 0.05, 0.006
 )

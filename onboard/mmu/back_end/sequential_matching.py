@@ -8,8 +8,9 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import radians
+from math import radians, sqrt
 
 import numpy as np
 
@@ -22,7 +23,8 @@ from onboard.mmu.back_end.odometry_noise import WHEELS_ALONE
 TURN_PATH_M = 5.0  # over which the apparent turn of walls is measured
 TURNS_KEPT = 16
 TURNS_MIN = 2
-TURN_SD_RAD_PER_M = radians(1.0)  # of one measurement: niches and corners turn
+TURNS_PRIOR = 2  # measurements that the standard deviation below counts for
+TURN_SD_RAD_PER_M = radians(1.0)  # of one measurement at least: niches and corners turn, more so where much stands
 TURN_SIGMAS = 4.0  # walls that together seem to turn by this much: no gyro leads odometry
 STRETCH_M = 1.5  # of path that is registered onto what came before
 GAP_M = 0.3
@@ -42,6 +44,13 @@ class HeadingChange:
     second: int
     turn_rad: float
     sd_rad: float
+
+
+def _scatter(turns: Sequence[float]) -> float:
+    """Standard deviation of one measurement of the turn, rad/m: TURN_SD_RAD_PER_M until these show another."""
+    mean = sum(turns) / len(turns)
+    squares = sum((turn - mean) ** 2 for turn in turns) + TURNS_PRIOR * TURN_SD_RAD_PER_M**2
+    return max(TURN_SD_RAD_PER_M, sqrt(squares / (len(turns) - 1 + TURNS_PRIOR)))
 
 
 @dataclass(slots=True)
@@ -80,7 +89,7 @@ class SequentialMatching:
         self._waiting.append(HeadingChange(first, node, turn_rad, TURN_SD_RAD_PER_M * path_m))
         self._turns.append(turn_rad_per_m)
         in_question = keyframes.noise is not WHEELS_ALONE and len(self._turns) >= TURNS_MIN
-        if in_question and abs(sum(self._turns)) > TURN_SIGMAS * TURN_SD_RAD_PER_M * len(self._turns) ** 0.5:
+        if in_question and abs(sum(self._turns)) > TURN_SIGMAS * _scatter(self._turns) * len(self._turns) ** 0.5:
             keyframes.distrust_odometry()
             return True
         return False

@@ -25,6 +25,8 @@ SAME_MAX_RAD = radians(4.0)  # of walls that are one, or at right angles, howeve
 
 # Pieces of walls. The sensitivity was not measured
 PIECE_PATH_M = 3.0
+PIECE_PATH_MAX_M = 6.0  # where fewer echoes than these were received in it
+PIECE_ECHOES = 30
 PIECE_LOOK_BACK_M = 45.0
 PIECE_SD_RAD = radians(0.15)  # of a long one
 PIECE_END_SD_M = 0.01
@@ -44,7 +46,7 @@ class WallAssociation:
     def observe(self) -> list[WallPiece]:
         """Straight pieces among the newest echoes on both sides, each associated with its wall."""
         keyframes = self._keyframes
-        rows = keyframes.echoes.stretch(keyframes.path_m - PIECE_PATH_M)
+        rows = keyframes.echoes.newest(keyframes.path_m, PIECE_PATH_M, PIECE_PATH_MAX_M, PIECE_ECHOES)
         if len(rows) == 0:
             return []
         back_m = keyframes.path_m - PIECE_LOOK_BACK_M

@@ -1,6 +1,7 @@
 """Range features: what the ranges show of walls, apart from how the sonars are wired.
 
-Ranges of all beams -> echoes on walls with normals (`beam_track`), free rays, ranges to a wall ahead (`range_to_wall`).
+Ranges of all beams -> echoes on walls with normals (`beam_track`; where frames lie far apart `sparse_echoes`), free
+rays, ranges to a wall ahead (`range_to_wall`).
 """
 
 from __future__ import annotations
@@ -9,11 +10,14 @@ from collections import deque
 from dataclasses import dataclass
 from math import cos, inf, isfinite, radians, sin
 
+import numpy as np
+
 from common.constants import SONAR_RANGE_MIN_M, SONAR_STEP_M
 from common.geometry import Pose2, wrap_angle
 from onboard.mmu.front_end.beam_track import WINDOW_HALF_MAX_M, WINDOW_SAMPLES, BeamTrack, Echo, Sample
 from onboard.mmu.front_end.echo_direction import NARROW_RAD, Beam
 from onboard.mmu.front_end.range_to_wall import AHEAD_RAD, RangeToWall, WallAheadTrack
+from onboard.mmu.front_end.sparse_echoes import SparseEchoes
 
 # Beams and the spacing of rays. The sensitivity was not measured
 BEAM_HALF_RAD = radians(38.0)  # of the robot's sonars: half the angle within which a flat wall echoes
@@ -23,6 +27,7 @@ TURNING_RAD = radians(3.0)  # between the newest ranges
 # A robot drives along or across walls: what a slanted beam hears lies off its axis, in a corner, behind the wall there
 SLANTED_SIN_MIN, UNSURE_FREE_M = 0.7, 1.5
 SLANT_MAX_RAD = radians(60.0)  # between two beams, of which one may tell of the other's wall
+SPARSE_M = 0.12  # where frames are further apart than this, the beams of several are looked at together
 SAMPLE_GAP_S = 0.02  # a range that is not this much newer is the same one again
 
 
@@ -66,6 +71,7 @@ class RangeFeatures:
         self._ranges_to_wall: list[RangeToWall] = []
         self._travel_m = 0.0
         self._last_pose: Pose2 | None = None
+        self._sparse = SparseEchoes(bearings_rad, spacing_m) if spacing_m > SPARSE_M else None
 
     def add(
         self, t_s: float, poses: list[tuple[float, Pose2]], ranges_m: tuple[float, ...], ages_s: tuple[float, ...]
@@ -90,9 +96,10 @@ class RangeFeatures:
             if echoed:
                 behind_m = pose.distance_m(newest)
                 sample = Sample(measured_s, pose, range_m + self._half_step_m, self._travel_m - behind_m)
-                echoes += track.add(sample)
+                if self._sparse is None:
+                    echoes += track.add(sample)
                 self._track_wall_ahead(i, sample)
-            else:
+            elif self._sparse is None:
                 echoes += track.miss()
             turns = self._turns(i)
             if len(self._recent[i]) == 3 and self._ray_due(i, pose, turns):
@@ -100,6 +107,8 @@ class RangeFeatures:
                 if turns or self._slanted[i]:
                     free_m = min(free_m, UNSURE_FREE_M)
                 rays.append(Ray(measured_s, pose, self._bearings_rad[i], free_m))
+        if self._sparse is not None:
+            echoes += self._sparse.add(t_s, newest, np.array(ranges_m) + self._half_step_m)
         return echoes, rays
 
     def _median_m(self, beam: int) -> float:

@@ -60,6 +60,13 @@ class ObservationStore:
         rows = self._kept.rows
         return rows[(rows[:, 1] >= from_m) & (rows[:, 1] <= to_m)].astype(np.float64)
 
+    def newest(self, path_m: float, least_m: float, most_m: float, enough: int) -> FloatArray:
+        """(N, 6) of the newest stretch that ends at `path_m`: as long as holds `enough`, within these lengths."""
+        rows = self.stretch(path_m - most_m)
+        back_m = np.sort(path_m - rows[:, 1])
+        long_m = float(np.clip(back_m[enough - 1] if len(back_m) >= enough else most_m, least_m, most_m))
+        return rows[rows[:, 1] >= path_m - long_m]
+
 
 class PoseStore:
     """Poses of all keyframes in the map."""
