@@ -46,7 +46,7 @@ class OdometryNoise:
         return self.slip_m_per_sqrt_m if known_m_per_sqrt_m is None else known_m_per_sqrt_m
 
     def search_window(self, graph_path_m: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """How far off (metres, radians) the robot may be after paths through the graph of `graph_path_m` (any shape)."""
+        """How far off (metres, radians) the robot may be after such paths through the graph (any shape)."""
         graph_paths_m = np.asarray(graph_path_m, dtype=np.float64)
         return (
             np.minimum(SEARCH_M + self.lost_m_per_m * graph_paths_m, SEARCH_MAX_M),
