@@ -418,3 +418,17 @@ def test_obstacles_that_leave_no_way_home_are_tried_again_after_a_while() -> Non
     assert drive.until(Mode.HOME_BLOCKED, 20.0)
     assert drive.until(Mode.DONE, OBSTACLES_PATIENCE_S + 90.0)
     assert drive.mission.state.outcome is Outcome.HOME
+
+
+def test_who_meets_something_again_and_again_on_the_way_home_asks_for_help() -> None:
+    """The grid shows a path, but a sonar stops every step along it."""
+    drive = Drive(closed_hall(), Pose2(4.0, 0.0, pi))
+    drive.mission.order(Event.GO_HOME)
+    began_s = drive.now_s
+    while drive.mission.mode is not Mode.DONE:
+        pose = drive.pose
+        if drive.step().speed is not Speed.STOP:
+            drive.pose = pose
+            drive.mission.blocked(drive.view(), 0.0)
+        assert drive.now_s - began_s < 2 * NO_PATH_PATIENCE_S
+    assert drive.mission.state.outcome is Outcome.NEEDS_HELP

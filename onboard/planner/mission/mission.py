@@ -20,7 +20,7 @@ from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup, as_set
 from onboard.planner.exploration.queries import JudgedGrid, JudgeGrid
-from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
+from onboard.planner.exploration.recovery_memory import STAGNANT_M, STAGNANT_S, Stillness
 from onboard.planner.exploration.wall_imaging import WallImaging
 from onboard.planner.grid.deliberation import Deliberation, Query
 from onboard.planner.grid.grid_map import Cell, GridMap
@@ -51,6 +51,7 @@ GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
 REVIEW_M = 1.5  # of a leg, between two looks at the list
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
+MET_MAX = 4  # obstacles in a row at one place on the way home: there is no path, whatever the grid shows
 
 
 def has_floor(grid: GridMap, place_m: tuple[float, float]) -> bool:
@@ -80,6 +81,7 @@ class Mission:
         self._wall_rad = 0.0  # heading for the next leg along a wall
         self._wall_due = False  # that leg comes next
         self._obstructions = 0  # since the last arrival
+        self._met_at, self._met = Pose2(0.0, 0.0, 0.0), 0  # obstacles met in a row without getting on
         self._retake_rad = 0.0
         self._retry_s = 0.0
         self._no_path_since: tuple[float, Pose2] | None = None  # when and where
@@ -184,6 +186,11 @@ class Mission:
                 self._defer(view, f"{OBSTRUCTIONS_MAX} obstacles in the way")
         self.path = []
         self.abandon()
+        if self._met_at.distance_m(view.pose) > STAGNANT_M:
+            self._met_at, self._met = view.pose, 0
+        self._met += 1
+        if self._met >= MET_MAX and self.mode in (Mode.HOME, Mode.GOTO):
+            self._wait_for_path(view, (0.0, 0.0) if self.mode is Mode.HOME else self._target)
 
     def step(self, view: View) -> Motion:
         """The motion that is wanted now."""
