@@ -126,7 +126,7 @@ class Planner:
                 error = ErrorCode.BLOCKED
         for note in self._mission.take_notes():
             _log.info("%s", note)
-        self._put(self._mission.take_query(), now_s)
+        self._put(self._mission.pending.take(), now_s)
         self._report(bus, now_s, error)
         return self._due_s(bus, now_s)
 
@@ -139,7 +139,7 @@ class Planner:
         for grid in bus.take(GRID)[-1:]:
             self._grid_update = grid
         newest, pose = self._grid_update, bus.latest(POSE)
-        if newest is None or pose is None or self._deliberator.busy or self._mission.deliberates:
+        if newest is None or pose is None or self._deliberator.busy or self._mission.pending.open:
             return  # one at a time; and a deliberation keeps its grid
         self._grid_update = None
         self._revision_queried += 1
@@ -161,17 +161,17 @@ class Planner:
             elif isinstance(answer, JudgedGrid) and answer.grid is not None:
                 self._next_grid = answer
             else:
-                self._mission.receive(query, answer)
+                self._mission.pending.receive(query, answer)
                 self._pose_seen = None  # the mission goes on at once
         judged = self._next_grid
-        if judged is not None and not self._mission.deliberates:
+        if judged is not None and not self._mission.pending.open:
             self._next_grid, self._grid, self._grid_revision = None, judged.grid, judged.revision
             self._mission.take_in(judged)
 
     def _begin_deliberating_anew(self, error: Exception) -> None:
         """What answers has lost the grids: the robot stands until the next one was read."""
         _log.error("deliberation: %s", error)
-        self._mission.abandon()
+        self._mission.pending.abandon()
         self._grid = self._next_grid = None
 
     def _operate(

@@ -51,14 +51,14 @@ class Drive:
 
     def step(self) -> Motion:
         self.now_s += PERIOD_S
-        if int(self.now_s) != self.revision and not self.mission.deliberates:
+        if int(self.now_s) != self.revision and not self.mission.pending.open:
             self._new_grid(int(self.now_s))
         self._steps += 1
         if self._query is not None and self._steps % self.answers_every == 0:
             query, self._query = self._query, None
-            self.mission.receive(query, query.answer(self._grids))
+            self.mission.pending.receive(query, query.answer(self._grids))
         motion = self.mission.step(self.view())
-        self._query = self.mission.take_query() or self._query
+        self._query = self.mission.pending.take() or self._query
         off_rad = wrap_angle(motion.heading_rad - self.pose.heading_rad)
         turn_rad = max(-TURN_RAD_S * PERIOD_S, min(TURN_RAD_S * PERIOD_S, off_rad))
         step_m = 0.0 if abs(off_rad) > radians(15.0) else SPEEDS[motion.speed] * PERIOD_S
@@ -189,7 +189,7 @@ def test_a_way_that_takes_long_to_find_is_waited_for_and_driven() -> None:
     drive.answers_every = 30
     drive.mission.order(Event.GO_TO, (2.0, 2.0))
     speeds = [drive.step().speed]
-    while drive.mission.deliberates:
+    while drive.mission.pending.open:
         speeds.append(drive.step().speed)
     assert speeds[:-1] == [Speed.STOP] * (len(speeds) - 1)
     assert 20 < len(speeds) < 50
@@ -202,7 +202,7 @@ def test_who_is_sent_home_does_not_go_on_looking_for_another_way() -> None:
     drive.answers_every = 30
     drive.mission.order(Event.GO_TO, (2.0, 4.0))
     drive.step()
-    assert drive.mission.deliberates
+    assert drive.mission.pending.open
     drive.mission.order(Event.GO_HOME)
     while drive.step().speed is Speed.STOP:
         assert drive.now_s < 130.0
@@ -218,7 +218,7 @@ def test_a_leg_goes_on_while_it_is_found_out_whether_an_opening_can_be_entered()
     drive.answers_every = 7
     speeds = set()
     while drive.mission.mode is Mode.STRAIGHT:
-        deliberated, speed = drive.mission.deliberates, drive.step().speed
+        deliberated, speed = drive.mission.pending.open, drive.step().speed
         if deliberated and drive.mission.mode is Mode.STRAIGHT:
             speeds.add(speed)
         assert drive.now_s < 160.0
@@ -232,7 +232,7 @@ def test_a_step_without_its_answer_begins_the_choice_anew() -> None:
     drive.answers_every = 10_000
     drive.mission.order(Event.GO_HOME)
     drive.step()
-    assert drive.mission.deliberates
+    assert drive.mission.pending.open
     drive.mission.abandon()
     drive.answers_every = 1
     assert drive.until(Mode.DONE, 180.0)

@@ -2,15 +2,14 @@
 
 Its `step` takes pose, grid, wall points and distances ten times a second and returns the motion that it wants. What was
 seen and chosen becomes an event; `table` alone decides which mode follows. What takes longer than a step, a path for
-example, is a query: it goes out by `take_query`, its answer comes by `receive`, and until then the robot stands,
-or goes on with its leg.
+example, is a query: it goes out by `pending.take`, its answer comes by `pending.receive`, and until then the robot
+stands, or goes on with its leg.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from math import atan2, cos, hypot, inf, pi, sin
-from typing import Any
+from math import atan2, cos, inf, pi, sin
 
 from common.geometry import Pose2, wrap_angle
 from common.messages import GridUpdate, Speed
@@ -20,12 +19,14 @@ from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
 from onboard.planner.exploration.frontiers import FrontierGroup, as_set
 from onboard.planner.exploration.queries import JudgedGrid, JudgeGrid
-from onboard.planner.exploration.recovery_memory import STAGNANT_M, STAGNANT_S, Stillness
+from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
 from onboard.planner.exploration.wall_imaging import WallImaging
-from onboard.planner.grid.deliberation import Deliberation, Query
+from onboard.planner.grid.deliberation import Deliberation
 from onboard.planner.grid.grid_map import Cell, GridMap
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.goal_choice import Goal, GoalChoice
+from onboard.planner.mission.hindrances import OBSTRUCTIONS_MAX, ObstaclesMet, PathPatience
+from onboard.planner.mission.pending import Pending
 from onboard.planner.mission.table import (
     AT_REST,
     BLOCKED,
@@ -44,14 +45,10 @@ from onboard.planner.routing.path_following import Path, arrived, rest_of, speed
 BLOCK_AHEAD_M = 0.45
 NO_PATH_PATIENCE_S = 300.0  # a door that was closed, a person who stands in a hall: they may go
 OBSTACLES_PATIENCE_S = 30.0  # then what was met before may have gone, or was an echo from a corner
-PROGRESS_M = 2.0  # so far away it is another place that it waits at
 RETRY_S = 3.0
 GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
 GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
 REVIEW_M = 1.5  # of a leg, between two looks at the list
-OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
-OBSTRUCTION_NEAR_M = 1.5
-MET_MAX = 4  # obstacles in a row at one place on the way home: there is no path, whatever the grid shows
 
 
 def has_floor(grid: GridMap, place_m: tuple[float, float]) -> bool:
@@ -67,6 +64,7 @@ class Mission:
         """`images_walls`: there is a camera, and every wall shall have been on its right."""
         self.state = State()
         self.path: Path = []
+        self.pending = Pending()  # a choice or a path
         self.blacklisted: tuple[str, ...] = ()  # what the newest exploration left out, each place with its reason
         self._frontiers = FrontierManager()
         self._hall = HallFollowing()
@@ -80,15 +78,10 @@ class Mission:
         self._choice = GoalChoice(self._frontiers, self._hall, self._imaging)
         self._wall_rad = 0.0  # heading for the next leg along a wall
         self._wall_due = False  # that leg comes next
-        self._obstructions = 0  # since the last arrival
-        self._met_at, self._met = Pose2(0.0, 0.0, 0.0), 0  # obstacles met in a row without getting on
+        self._obstacles, self._patience = ObstaclesMet(), PathPatience()
         self._retake_rad = 0.0
         self._retry_s = 0.0
-        self._no_path_since: tuple[float, Pose2] | None = None  # when and where
         self._align_until_s = 0.0
-        self._deliberation: Deliberation[None] | None = None  # a choice or a path that waits for an answer
-        self._query: Query | None = None  # that it waits for
-        self._queried = False
         self._notes: list[str] = []
         self._noted = self.state  # as of the newest note
 
@@ -110,26 +103,6 @@ class Mission:
         """The list of side halls."""
         return self._frontiers.groups
 
-    @property
-    def deliberates(self) -> bool:
-        """A choice or a path waits for an answer; it needs the grid that it began with."""
-        return self._deliberation is not None
-
-    def take_query(self) -> Query | None:
-        """What it must know to go on, once; its answer goes to `receive`."""
-        query = None if self._queried else self._query
-        self._queried = True
-        return query
-
-    def receive(self, query: Query, answer: Any) -> None:
-        """The answer to a query that was taken; one that nobody waits for any more is dropped."""
-        if query is self._query:
-            self._go_on(answer)
-
-    def abandon(self) -> None:
-        """There will be no answer. What it was for begins anew in the next step."""
-        self._deliberation = self._query = None
-
     def query_about(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
         """What is to be known of a new grid before a step may have it."""
         return self._frontiers.query(revision, pose, update)
@@ -145,7 +118,7 @@ class Mission:
 
     def order(self, event: Event, place_m: tuple[float, float] = (0.0, 0.0)) -> Step:
         """What an operator or the permit wants of it; `place_m` in the map is where a goto leads."""
-        self._no_path_since = None
+        self._patience.renew()
         step = self._happens(event, f"place={place_m[0]:.2f},{place_m[1]:.2f}" if event is Event.GO_TO else "")
         if event is Event.GO_TO:
             self._target = place_m
@@ -179,17 +152,11 @@ class Mission:
         self._notes.append(f"obstacle place={x_m:.2f},{y_m:.2f} frontier there deferred")
         if self.mode in ON_LEG:
             self._end_leg(view)
-        elif self.mode in VISITING and hypot(self._target[0] - x_m, self._target[1] - y_m) < OBSTRUCTION_NEAR_M:
-            self._obstructions += 1
-            if self._obstructions >= OBSTRUCTIONS_MAX:
-                self._obstructions = 0
-                self._defer(view, f"{OBSTRUCTIONS_MAX} obstacles in the way")
+        elif self.mode in VISITING and self._obstacles.block_target(self._target, (x_m, y_m)):
+            self._defer(view, f"{OBSTRUCTIONS_MAX} obstacles in the way")
         self.path = []
-        self.abandon()
-        if self._met_at.distance_m(view.pose) > STAGNANT_M:
-            self._met_at, self._met = view.pose, 0
-        self._met += 1
-        if self._met >= MET_MAX and self.mode in (Mode.HOME, Mode.GOTO):
+        self.pending.abandon()
+        if self._obstacles.meet(view.pose) and self.mode in (Mode.HOME, Mode.GOTO):
             self._wait_for_path(view, (0.0, 0.0) if self.mode is Mode.HOME else self._target)
 
     def step(self, view: View) -> Motion:
@@ -207,7 +174,7 @@ class Mission:
             self._defer(view, f"no motion for {STAGNANT_S:.0f} s")
             self._frontiers.judge_anew()
             return stand
-        if self.deliberates and self.mode not in ON_LEG:
+        if self.pending.open and self.mode not in ON_LEG:
             return stand
         if self.mode in AT_REST:
             return stand
@@ -221,7 +188,7 @@ class Mission:
             return Motion(Speed.STOP, 0.0)
         if self.mode in BLOCKED:
             if view.now_s >= self._retry_s:
-                self._deliberate(self._plan_path(view))
+                self.pending.begin(self._plan_path(view))
             return stand
         return self._follow_path(view)
 
@@ -233,7 +200,7 @@ class Mission:
         self.state = step.state
         if step.moves:
             self.path, self._wall_due, self._judged = [], False, None
-            self.abandon()
+            self.pending.abandon()
         if step.state != self._noted or event in CHOICES:
             self._noted = step.state
             self._notes.append(f"{step.state} before={before.mode.name} event={event.name} {why}".rstrip())
@@ -257,21 +224,8 @@ class Mission:
 
     def _stand_and_look(self, view: View) -> Motion:
         if self._looking.over(view.pose, view.now_s):
-            self._deliberate(self._choose(view))
+            self.pending.begin(self._choose(view))
         return Motion(Speed.STOP, self._looking.heading_rad)
-
-    def _deliberate(self, work: Deliberation[None]) -> None:
-        self._deliberation = work
-        self._go_on(None)
-
-    def _go_on(self, answer: Any) -> None:
-        work = self._deliberation
-        assert work is not None
-        try:
-            self._query, self._queried = work.send(answer), False
-        except StopIteration:
-            if self._deliberation is work:
-                self.abandon()
 
     def _choose(self, view: View) -> Deliberation[None]:
         """The wall that was driven to, else the next goal."""
@@ -323,9 +277,9 @@ class Mission:
         if self.mode is Mode.STRAIGHT:
             opening = self._hall.opening_passed(view.grid, self._frontiers.frontier, view.pose)
             due = opening is not None or self._reviewed.distance_m(view.pose) > REVIEW_M
-            if due and not self.deliberates:
+            if due and not self.pending.open:
                 self._reviewed = view.pose
-                self._deliberate(self._review_leg(view, as_set(opening) if opening is not None else set()))
+                self.pending.begin(self._review_leg(view, as_set(opening) if opening is not None else set()))
         elif self._imaging is not None:
             self._imaging.settle(view.grid, view.pose)
         return self._leg_shows_new(view)
@@ -354,7 +308,7 @@ class Mission:
         stand = Motion(Speed.STOP, pose.heading_rad)
         if not self.path:
             mode = self.mode
-            self._deliberate(self._plan_path(view))
+            self.pending.begin(self._plan_path(view))
             if self.mode is not mode or not self.path:
                 return stand
         if self.mode is Mode.ROUTE and not self._frontiers.something_near(*self._target):
@@ -395,21 +349,18 @@ class Mission:
             self._wait_for_path(view, target)
 
     def _wait_for_path(self, view: View, target: tuple[float, float]) -> None:
-        """Patience is counted from where it began: a path that leads nowhere does not renew it."""
         self._happens(Event.NO_PATH, f"place={target[0]:.2f},{target[1]:.2f}")
         self._retry_s = view.now_s + RETRY_S
-        if self._no_path_since is None or self._no_path_since[1].distance_m(view.pose) > PROGRESS_M:
-            self._no_path_since = view.now_s, view.pose
-        waited_s = view.now_s - self._no_path_since[0]
+        waited_s = self._patience.waited_s(view.pose, view.now_s)
         if waited_s > NO_PATH_PATIENCE_S:
-            self._no_path_since = None
+            self._patience.renew()
             self._happens(Event.TOO_LONG, f"waited_s={waited_s:.0f} pose={view.pose.x_m:.2f},{view.pose.y_m:.2f}")
         elif waited_s > OBSTACLES_PATIENCE_S and self._frontiers.forget_obstacles():
             self._notes.append("no path: obstacles that were met are forgotten, what it drove over is tried again")
 
     def _arrive(self, view: View) -> None:
         self.path = []
-        self._obstructions = 0
+        self._obstacles.arrive()
         mode, now_s = self.mode, view.now_s
         if mode is Mode.RETAKE:
             self._look(Event.ARRIVED, self._retake_rad, now_s)
