@@ -296,7 +296,8 @@ def test_queries_of_silence_that_nobody_answers_in_time_hold_up_no_live_message(
     until(lambda: receiver.latest(MAP) is not None)
     monkeypatch.setattr("common.zenoh_inbox._SILENCE_S", 0.05)
     monkeypatch.setattr("common.zenoh_inbox.QUERY_TIMEOUT_S", 0.2)
-    slow_replies(sender, monkeypatch, 0.6)
+    # Later than the timeout; longer ones would take all of Zenoh's threads, which both ends share here
+    slow_replies(sender, monkeypatch, 0.3)
     end_s = time.monotonic() + 1.0
     while time.monotonic() < end_s:
         receiver.latest(MAP)
