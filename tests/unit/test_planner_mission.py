@@ -233,7 +233,7 @@ def test_a_step_without_its_answer_begins_the_choice_anew() -> None:
     drive.mission.order(Event.GO_HOME)
     drive.step()
     assert drive.mission.pending.open
-    drive.mission.abandon()
+    drive.mission.pending.abandon()
     drive.answers_every = 1
     assert drive.until(Mode.DONE, 180.0)
 
