@@ -25,7 +25,6 @@ from common.messages import (
     CARRIER,
     LOG,
     MAP,
-    OPERATION,
     PERMIT,
     PLAN,
     POI,
@@ -35,7 +34,6 @@ from common.messages import (
     TRAJECTORY,
     LogLine,
     Operation,
-    PlannerView,
     PoseEstimate,
     Topic,
     Trajectory,
@@ -47,7 +45,8 @@ from offboard.command_center.module_health import HealthHistory
 from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
 from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
 from offboard.operate import operations
-from offboard.operate.operations import Answer, PendingOperation
+from offboard.operate.operations import Answer
+from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import look, robot_report
 from offboard.operate.stop_desk import StopDesk
 from offboard.runs.map_assembly import MapAssembly
@@ -96,8 +95,7 @@ class CommandCenter:
         self._map = MapAssembly()
         self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_MAX)
         self._findings = dict(findings or {})
-        self._pending: PendingOperation | None = None
-        self._pending_due_s = float("-inf")
+        self._orders = OrderSender()
         self._result: OperationResult | None = None
 
     # The thread of the bus
@@ -174,8 +172,7 @@ class CommandCenter:
         with self._lock:
             serial = self._result.serial + 1 if self._result is not None else 1
             permit, draw = self._snapshot.permit, secrets.randbits
-            self._pending = operations.new_operation(operation, permit, now_s, draw, x_m, y_m)
-            self._pending_due_s = now_s
+            self._orders.give(operations.new_operation(operation, permit, now_s, draw, x_m, y_m))
             self._result = OperationResult(serial, operation.value, Answer.WAITING, "")
         _log.info("operation=%s x_m=%.2f y_m=%.2f", operation.value, x_m, y_m)
 
@@ -229,18 +226,9 @@ class CommandCenter:
                 self._trail.append((pose.x_m, pose.y_m))
 
     def _operate(self, bus: Bus, now_s: float) -> None:
-        # Joined from the beginning: the answer to the first command must not get lost on the way
-        view: PlannerView | None = bus.latest(PLAN)
-        if self._pending is None or self._result is None:
+        answer = self._orders.step(bus, now_s)
+        if answer is None or answer is Answer.WAITING or self._result is None:
             return
-        permit = bus.latest(PERMIT)
-        answer = self._pending.answer(view, permit, now_s)
-        if answer is Answer.WAITING:
-            if now_s >= self._pending_due_s:
-                self._pending_due_s = now_s + operations.REPEAT_S
-                bus.publish(OPERATION, self._pending.command)
-            return
-        sentence = operations.result_sentence(self._result.operation, answer, permit, view)
+        sentence = operations.result_sentence(self._result.operation, answer, bus.latest(PERMIT), bus.latest(PLAN))
         self._result = replace(self._result, answer=answer, sentence=sentence)
-        self._pending = None
         _log.info("operation=%s answer=%s", self._result.operation, answer.name)

@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable
 
 from common.bus import Bus
-from common.messages import OPERATION, PERMIT, PLAN, STOP, Operation
+from common.messages import PERMIT, STOP, Operation
 from offboard.operate import operations, software_stop
-from offboard.operate.operations import Answer, PendingOperation
+from offboard.operate.operations import Answer
+from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import Demand, StopControl
 
 CONFIRM_TIMEOUT_S = 5.0
@@ -58,18 +59,9 @@ def request_release(bus: Bus) -> StopControl:
 
 def operate(bus: Bus, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> Answer:
     """One command of the operator, sent until it is taken."""
-    pending = operations.new_operation(operation, bus.latest(PERMIT), time.monotonic(), secrets.randbits, x_m, y_m)
-    return _repeated_until_taken(bus, pending)
-
-
-def _repeated_until_taken(bus: Bus, pending: PendingOperation) -> Answer:
-    """Sends the command until the planner has taken it, or nobody has answered for long."""
-    answer, next_s = Answer.WAITING, 0.0
-    while answer is Answer.WAITING:
-        now_s = time.monotonic()
-        if now_s >= next_s:
-            next_s = now_s + operations.REPEAT_S
-            bus.publish(OPERATION, pending.command)
+    orders = OrderSender()
+    orders.give(operations.new_operation(operation, bus.latest(PERMIT), time.monotonic(), secrets.randbits, x_m, y_m))
+    while (answer := orders.step(bus, time.monotonic())) is Answer.WAITING:
         time.sleep(_POLL_S)
-        answer = pending.answer(bus.latest(PLAN), bus.latest(PERMIT), time.monotonic())
+    assert answer is not None
     return answer

@@ -16,9 +16,10 @@ from typing import Protocol
 
 from common.bus import Bus
 from common.errors import StartError, sentence
-from common.messages import OPERATION, PERMIT, PLAN, Operation
+from common.messages import PERMIT, PLAN, Operation
 from offboard.operate import operations
-from offboard.operate.operations import Answer, PendingOperation
+from offboard.operate.operations import Answer
+from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import look, robot_report
 from offboard.operate.stop_desk import StopDesk, StopSender
 
@@ -70,8 +71,7 @@ class BusOperator:
         self._desk = StopDesk(time.monotonic)
         self._lock = threading.Lock()
         self._order: tuple[Operation, float, float] | None = None
-        self._pending: PendingOperation | None = None
-        self._sent_s = 0.0
+        self._orders, self._ordered = OrderSender(), ""
         self._view = OperatorView()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="operator", daemon=True)
@@ -118,24 +118,18 @@ class BusOperator:
 
     def _operate(self, bus: Bus, now_s: float) -> str:
         """Sends the order until it is answered; the sentence about it."""
-        view, permit = bus.latest(PLAN), bus.latest(PERMIT)
         with self._lock:
             order, self._order = self._order, None
         if order is not None:
             operation, x_m, y_m = order
-            self._pending = operations.new_operation(operation, permit, now_s, secrets.randbits, x_m, y_m)
-            self._sent_s = 0.0
-        pending = self._pending
-        if pending is None:
+            self._ordered, permit, draw = operation.value, bus.latest(PERMIT), secrets.randbits
+            self._orders.give(operations.new_operation(operation, permit, now_s, draw, x_m, y_m))
+        answer = self._orders.step(bus, now_s)
+        if answer is None:
             return self._view.answer
-        name, answer = pending.command.operation.value, pending.answer(view, permit, now_s)
-        if answer is not Answer.WAITING:
-            self._pending = None
-            return operations.result_sentence(name, answer, permit, view)
-        if now_s - self._sent_s >= operations.REPEAT_S:
-            self._sent_s = now_s
-            bus.publish(OPERATION, pending.command)
-        return f"Sent: {name}."
+        if answer is Answer.WAITING:
+            return f"Sent: {self._ordered}."
+        return operations.result_sentence(self._ordered, answer, bus.latest(PERMIT), bus.latest(PLAN))
 
     def _show(self, view: OperatorView) -> None:
         if view != self._view:

@@ -92,6 +92,9 @@ class _Drawing:
         self.shade(x, (z[1] - 0.004, z[1] + 0.004), 1.0 - strength)
 
 
+_Thing = Callable[[_Drawing, float, Colour, Random], float]  # draws itself from there on; how wide it is
+
+
 def wall(look: Look, index: int, seed: int = 1) -> Wall:
     """Draws one wall with one to three doors of a look, and other things beside them."""
     rng = Random(f"{seed} {look.value} {index}")
@@ -100,7 +103,7 @@ def wall(look: Look, index: int, seed: int = 1) -> Wall:
     colour = _wall_colour(look, rng)
     front = np.broadcast_to(colour, (rows, columns, 3)).copy()
     drawn = _Drawing(look, front, np.zeros((rows, columns), np.float32))
-    things: list[Callable[[_Drawing, float, Colour, Random], float]] = [rng.choice(_OTHERS), _door]
+    things: list[_Thing] = [rng.choice(_OTHERS), _door]
     rng.shuffle(things)
     things += [rng.choice((_door, *_OTHERS)) for _ in range(4)]
     x_m = PLAIN_END_M + rng.uniform(0.0, 0.4)
@@ -244,20 +247,17 @@ def _window(wall: _Drawing, x_m: float, colour: Colour, rng: Random) -> float:
     return wide_m
 
 
-def _pillar(wall: _Drawing, x_m: float, colour: Colour, rng: Random) -> float:
-    wide_m = rng.uniform(0.25, 0.6)
-    wall.fill((x_m, x_m + wide_m), (LOW_M, HIGH_M), colour * np.float32(rng.uniform(0.85, 1.1)))
-    wall.relief((x_m, x_m + wide_m), (LOW_M, HIGH_M), rng.uniform(0.1, 0.3))
-    wall.others.append("pillar")
-    return wide_m
+def _from_floor_up(name: str, wide_m: Span, shade: Span, relief: Span) -> _Thing:
+    """Something that stands before the wall from floor to ceiling; its ranges are drawn from."""
 
+    def draw(wall: _Drawing, x_m: float, colour: Colour, rng: Random) -> float:
+        width_m = rng.uniform(*wide_m)
+        wall.fill((x_m, x_m + width_m), (LOW_M, HIGH_M), colour * np.float32(rng.uniform(*shade)))
+        wall.relief((x_m, x_m + width_m), (LOW_M, HIGH_M), rng.uniform(*relief))
+        wall.others.append(name)
+        return width_m
 
-def _pipe(wall: _Drawing, x_m: float, colour: Colour, rng: Random) -> float:
-    wide_m = rng.uniform(0.03, 0.12)
-    wall.fill((x_m, x_m + wide_m), (LOW_M, HIGH_M), colour * np.float32(rng.uniform(0.7, 1.05)))
-    wall.relief((x_m, x_m + wide_m), (LOW_M, HIGH_M), rng.uniform(0.1, 0.4))
-    wall.others.append("pipe")
-    return wide_m
+    return draw
 
 
 def _panels(wall: _Drawing, x_m: float, colour: Colour, rng: Random) -> float:
@@ -299,4 +299,6 @@ def _mouth(wall: _Drawing, x_m: float, colour: Colour, rng: Random) -> float:
     return wide_m
 
 
-_OTHERS = (_board, _poster, _window, _pillar, _pipe, _panels, _cabinet, _switch, _mouth)
+_PILLAR = _from_floor_up("pillar", (0.25, 0.6), (0.85, 1.1), (0.1, 0.3))
+_PIPE = _from_floor_up("pipe", (0.03, 0.12), (0.7, 1.05), (0.1, 0.4))
+_OTHERS = (_board, _poster, _window, _PILLAR, _PIPE, _panels, _cabinet, _switch, _mouth)
