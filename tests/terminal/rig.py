@@ -6,13 +6,15 @@ The app of the pilot tests shows the node; nothing here waits for real time.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from textual.pilot import Pilot
 
 from common.bus import LocalMesh
 from common.codec import decode
@@ -49,6 +51,7 @@ from common.recording import RecordedMessage
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.command_center import CommandCenter
 
+SIZE = (150, 40)  # of a terminal: columns, rows
 TICK_S = 0.05
 BRAKING_S = 0.2
 EPOCH_S = 1_700_000_000.0  # when the rig was switched on
@@ -174,3 +177,21 @@ class Rig:
             does = self.words or "following the hall"
             view = PlannerView(now_s, "STRAIGHT", does, way, 3, 42.5, command_id=self._acknowledged)
             say(PLAN, replace(view, **self.mission))
+
+
+async def settle(rig: Rig, app: CommandCenterApp, pilot: Pilot[int], seconds: float = 1.0) -> None:
+    """Time passes, and the screen shows it."""
+    rig.run(seconds)
+    app.pull()
+    await pilot.pause()
+
+
+@asynccontextmanager
+async def shown(
+    rig: Rig, folder: Path, size: tuple[int, int] = SIZE
+) -> AsyncIterator[tuple[CommandCenterApp, Pilot[int]]]:
+    """The Command Center in a terminal of that size (columns, rows), settled."""
+    app = rig.app(folder)
+    async with app.run_test(size=size) as pilot:
+        await settle(rig, app, pilot)
+        yield app, pilot

@@ -18,9 +18,7 @@ from offboard.command_center.actions import END_MESH, KEEP_MESH
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.screens.guarded import Guarded
 from offboard.operate.software_stop import Look
-from tests.terminal.rig import EPOCH_S, Rig, piloted
-
-SIZE = (150, 40)
+from tests.terminal.rig import EPOCH_S, SIZE, Rig, piloted, settle, shown
 
 
 def cell(app: CommandCenterApp, module: str, column: str) -> str:
@@ -34,13 +32,6 @@ def bar(app: CommandCenterApp) -> str:
     assert screen.stop_bar.region.y == 0
     assert screen.stop_bar.region.width == app.size.width
     return str(screen.stop_bar.query_one("#stop-text").render())
-
-
-async def settle(rig: Rig, app: CommandCenterApp, pilot: Pilot[int], seconds: float = 1.0) -> None:
-    """Time passes, and the screen shows it."""
-    rig.run(seconds)
-    app.pull()
-    await pilot.pause()
 
 
 @pytest.mark.requirement("CC_MR_03")
@@ -67,9 +58,7 @@ async def test_a_line_per_board_shows_release_uptime_load_heat_disk_and_how_far_
     tmp_path: Path,
 ) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         assert not app.main.boards.display
         beaglebone = BoardState(0.0, "beaglebone", "2026-11-22", 90_000.0, 0.42, nan, 1_234, EPOCH_S + rig.now_s - 60.0)
         raspberry = BoardState(0.0, "raspberry", "sources", 59.0, 3.5, 85.0, 150, EPOCH_S + rig.now_s)
@@ -89,9 +78,7 @@ async def test_a_line_per_board_shows_release_uptime_load_heat_disk_and_how_far_
 @piloted
 async def test_what_is_old_is_marked_and_never_shown_as_live(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         assert "LAST KNOWN" not in app.main.robot.words
         rig.silent = {"mmu", "bridge"}
         await settle(rig, app, pilot, 2.0)
@@ -151,9 +138,7 @@ TYPING: tuple[Opener, ...] = (open_search, open_goto, open_palette)
 @piloted
 async def test_the_stop_works_from_everywhere_and_shows_the_robots_confirmation(place: Opener, tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await place(app, pilot)
         await pilot.pause()
         screen = app.screen
@@ -189,9 +174,7 @@ async def test_space_in_a_field_writes_a_space_and_stops_nothing(tmp_path: Path)
 async def test_a_stop_that_nobody_confirms_says_so_and_is_sent_on_and_on(tmp_path: Path) -> None:
     rig = Rig()
     rig.deaf = True
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await pilot.press("ctrl+e")
         await settle(rig, app, pilot, 2.0)
         assert "SENT – NOT CONFIRMED 2.0 s" in bar(app)
@@ -209,9 +192,7 @@ async def test_a_stop_that_nobody_confirms_says_so_and_is_sent_on_and_on(tmp_pat
 @piloted
 async def test_the_release_takes_the_typed_word_and_starts_nothing(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await pilot.press("ctrl+e")
         await settle(rig, app, pilot)
         await pilot.press("ctrl+r", *"yes", "enter")
@@ -280,9 +261,7 @@ async def test_operations_are_asked_for_where_they_move_the_robot_and_repeated_u
     rig.mission = {"mode": "WAITING"} if operation is Operation.START else {"paused": True}
     rig.run(0.5)
     rig.silent = {"planner"}
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         for key in keys:
             assert rig.node.snapshot().operation is None, "nothing before the last key"
             await pilot.press(key)
@@ -316,9 +295,7 @@ async def test_an_operation_that_nobody_takes_is_told_in_one_sentence(tmp_path: 
 @piloted
 async def test_the_filter_shows_in_the_title_with_the_share_that_passes(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         rig.log("mmu", "INFO", "loop closed")
         rig.log("mmu", "WARNING", "loop refused")
         rig.log("planner", "INFO", "state=STRAIGHT")
@@ -386,9 +363,7 @@ async def test_search_takes_whatever_is_typed_and_shows_it_as_it_is(pattern: str
 @piloted
 async def test_messages_of_chosen_topics_stand_in_the_log_in_their_universal_form(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         rig.node.show_messages(frozenset({"mmu/pose", "bridge/odometry"}))
         app.main.set_topics(frozenset({"mmu/pose"}))
         await settle(rig, app, pilot)
@@ -439,9 +414,7 @@ async def test_the_filtered_log_is_written_to_a_file(tmp_path: Path) -> None:
 async def test_the_map_shows_walls_and_the_robot(tmp_path: Path) -> None:
     rig = Rig()
     rig.draw_wall()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         app.main.show_floor(rig.node.floor_picture())
         await pilot.pause()
         assert "80 points" in str(app.main.map.border_subtitle)
@@ -475,9 +448,7 @@ async def test_leaving_asks_what_becomes_of_the_mesh_and_enter_alone_changes_not
 @piloted
 async def test_every_size_of_terminal_shows_bar_modules_and_log(size: tuple[int, int], tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path, size) as (app, _):
         assert "No stop is latched" in bar(app)
         assert app.main.modules.region.height >= 10
         assert app.main.log_view.size.height >= 3

@@ -16,8 +16,7 @@ from textual.pilot import Pilot
 
 from common.errors import ErrorCode
 from offboard.command_center.app import CommandCenterApp
-from tests.terminal.rig import Rig, piloted
-from tests.terminal.test_command_center_app import settle
+from tests.terminal.rig import Rig, piloted, settle
 from tests.terminal.test_states_and_keys import SIZES, screen_lines
 
 FOLDER = Path(__file__).with_name("snapshots")

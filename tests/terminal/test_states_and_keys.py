@@ -15,10 +15,9 @@ from common.messages import Operation, Outcome
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.log_book import LogFilter
 from offboard.command_center.screens.guarded import Guarded
-from tests.terminal.rig import Rig, piloted
-from tests.terminal.test_command_center_app import bar, settle
+from tests.terminal.rig import SIZE, Rig, piloted, settle, shown
+from tests.terminal.test_command_center_app import bar
 
-SIZE = (150, 40)
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
 
@@ -71,9 +70,7 @@ async def test_the_robot_panel_shows_what_the_mission_does_and_whether_it_may_mo
 ) -> None:
     rig = Rig()
     rig.mission = dict(mission)
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         words = " ".join(app.main.robot.words.split())
         assert f"Mission {text} Motion {motion}" in words
         assert ("3 not visited" if mission.get("mode") == "DONE" else "3 to visit") in words
@@ -87,9 +84,7 @@ async def test_the_robot_panel_shows_what_the_mission_does_and_whether_it_may_mo
 async def test_a_question_that_is_open_when_a_stop_is_latched_promises_no_motion(tmp_path: Path) -> None:
     rig = Rig()
     rig.mission = {"paused": True}
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await pilot.press("r")
         assert shows(app, "The robot goes on where it was paused.")
         rig.sources, rig.resumed = {"button"}, False
@@ -104,9 +99,7 @@ async def test_a_question_that_is_open_when_a_stop_is_latched_promises_no_motion
 @piloted
 async def test_a_resume_with_nothing_paused_and_a_second_start_are_refused_before_the_question(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await pilot.press("r", "s")
         assert app.screen is app.main
         told = [notification.message for notification in app._notifications]
@@ -126,9 +119,7 @@ async def test_every_size_shows_mission_motion_position_and_the_address_of_the_m
     rig = Rig()
     rig.speaking = (*rig.speaking, "visualizer")
     rig.mission = {"detail": "driving to a wall that the camera has not seen", "paused": True}
-    app = rig.app(tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path, size) as (app, _):
         assert shows(app, "paused while driving to a wall that the camera has not seen")
         assert shows(app, "stands still paused")
         assert shows(app, "x 3.20 y -1.05 m 90° ± 3 cm")
@@ -143,9 +134,7 @@ async def test_every_size_shows_mission_motion_position_and_the_address_of_the_m
 async def test_every_size_shows_an_error_with_all_of_its_words(size: tuple[int, int], tmp_path: Path) -> None:
     rig = Rig()
     rig.errors = {"recorder": ErrorCode.DATABASE_LOST, "comm": ErrorCode.STOP_RECORD}
-    app = rig.app(tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path, size) as (app, pilot):
         first = ERRORS[ErrorCode.STOP_RECORD]
         assert shows(app, f"comm: 704 {first.meaning} → {first.action} (1 more in the table)")
         app.main.modules.move_cursor(row=7)
@@ -159,9 +148,7 @@ async def test_every_size_shows_an_error_with_all_of_its_words(size: tuple[int, 
 @piloted
 async def test_every_size_shows_the_help_s_words_on_safety_in_full(size: tuple[int, int], tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path, size) as (app, pilot):
         await pilot.press("question_mark")
         await pilot.pause()
         assert shows(app, "The software stop is no emergency stop. It needs the link and the robot's own programs;")
@@ -174,9 +161,7 @@ async def test_every_size_shows_the_help_s_words_on_safety_in_full(size: tuple[i
 async def test_a_wrong_word_releases_nothing_and_stays_told_until_it_is_changed(tmp_path: Path) -> None:
     rig = Rig()
     rig.sources, rig.resumed = {"operator"}, False
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await pilot.press("ctrl+r", *"yes", "enter")
         await settle(rig, app, pilot, 3.0)
         assert shows(app, "Nothing was released: the word is release.")
@@ -190,9 +175,7 @@ async def test_a_wrong_word_releases_nothing_and_stays_told_until_it_is_changed(
 async def test_keys_that_come_at_once_go_to_the_dialog_that_the_first_of_them_opens(tmp_path: Path) -> None:
     rig = Rig()
     rig.find_door("106", 7.0, 1.5)
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         burst(app, "g", "1", "0", "6", "enter")
         await pilot.pause()
         await settle(rig, app, pilot)
@@ -212,9 +195,7 @@ async def test_keys_that_come_at_once_go_to_the_dialog_that_the_first_of_them_op
 async def test_keys_that_come_at_once_take_effect_in_their_order(tmp_path: Path) -> None:
     rig = Rig()
     rig.sources, rig.resumed = {"operator"}, False
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         burst(app, "slash", "a", "b", "backspace", "c", "left", "d")
         await pilot.pause()
         assert app.main.search.value == "adc"
@@ -234,9 +215,7 @@ async def test_keys_that_come_at_once_take_effect_in_their_order(tmp_path: Path)
 @piloted
 async def test_the_confirmation_of_a_stop_is_shown_by_the_fast_timer_of_the_bar(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await pilot.press("ctrl+e")
         assert "SENT – NOT CONFIRMED" in bar(app)
         rig.run(1.0)
@@ -247,9 +226,7 @@ async def test_the_confirmation_of_a_stop_is_shown_by_the_fast_timer_of_the_bar(
 @piloted
 async def test_a_burst_with_a_stop_in_it_stops(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         burst(app, "g", "1", "ctrl+e", "2")
         await pilot.pause()
         await settle(rig, app, pilot)
@@ -262,9 +239,7 @@ async def test_a_burst_with_a_stop_in_it_stops(tmp_path: Path) -> None:
 @piloted
 async def test_the_filter_by_module_is_by_whoever_logs_for_it(row: int, module: str, tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         rig.log(module, "WARNING", "a line")
         await settle(rig, app, pilot)
         app.main.modules.move_cursor(row=row)
@@ -276,9 +251,7 @@ async def test_the_filter_by_module_is_by_whoever_logs_for_it(row: int, module: 
 @piloted
 async def test_the_palette_runs_every_command_by_its_name(tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=SIZE) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path) as (app, pilot):
         await pilot.press("ctrl+p", *"leve")
         await pilot.pause(0.5)
         await pilot.press("enter")
@@ -308,9 +281,7 @@ async def test_the_stop_works_at_every_size_over_everything_while_a_thousand_lin
     place: object, size: tuple[int, int], tmp_path: Path
 ) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path, size) as (app, pilot):
         await place(app, pilot)  # type: ignore[operator]
         for second in range(2):
             for number in range(1000):
@@ -330,9 +301,7 @@ async def test_the_stop_works_at_every_size_over_everything_while_a_thousand_lin
 @piloted
 async def test_a_link_that_is_down_shows_at_every_size(size: tuple[int, int], tmp_path: Path) -> None:
     rig = Rig()
-    app = rig.app(tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(rig, app, pilot)
+    async with shown(rig, tmp_path, size) as (app, pilot):
         rig.silent = set(rig.speaking)
         await settle(rig, app, pilot, 6.0)
         assert "LINK LOST" in bar(app)

@@ -17,9 +17,8 @@ from common.geometry import Pose2
 from common.grid_cells import FREE
 from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, STAND_CLEARANCE_M, Cell, GridMap, Mask
 
-COMFORT_M = (
-    1.4  # nearer to a wall than this a path costs more: it keeps the middle, where a hall is narrower than twice that
-)
+# Nearer to a wall than this a path costs more: it keeps the middle, where a hall is narrower than twice that
+COMFORT_M = 1.4
 COMFORT_WEIGHT = 1.2  # so much dearer beside a wall: a narrow hall is no reason for a long way round
 EDGE_M, EDGE_WEIGHT = 0.55, 6.0  # an edge so near ahead stops the robot
 TIGHT_CLEARANCE_M = FOOTPRINT_RADIUS_M + 0.04
