@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from math import atan2
+from math import atan2, cos, pi
 
 import numpy as np
 
-from common.geometry import FloatArray, Points, Pose2, wrap_angle
+from common.geometry import FloatArray, Points, Pose2, principal_axis, wrap_angle
 from onboard.mmu.front_end.beam_track import Echo
 
 FRAMES = 5  # that are looked at together; echoes are those of the middle one
@@ -95,11 +95,9 @@ def _normal_rad(place: FloatArray, near: Points, away: FloatArray, off_max_m: fl
     best = int(votes.argmax())
     if on[best].sum() < PLACES_MIN:
         return None
-    line = near[on[best]]
-    _, vectors = np.linalg.eigh(np.cov((line - line.mean(axis=0)).T))
-    normal = vectors[:, 0]
-    cosine = float(normal @ away) / max(float(np.hypot(*away)), 1e-9)
+    along_rad, _, _ = principal_axis(near[on[best]])
+    normal_rad = along_rad + pi / 2
+    cosine = cos(normal_rad - atan2(away[1], away[0]))
     if abs(cosine) < GRAZING_COS:
         return None
-    x, y = (normal if cosine > 0 else -normal).tolist()
-    return atan2(y, x)
+    return wrap_angle(normal_rad if cosine > 0 else normal_rad - pi)

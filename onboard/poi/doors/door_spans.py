@@ -31,6 +31,7 @@ HANDLE_VOTES = 2  # of a handle, which nothing but doors has; every other cue ha
 VOTES_MIN = 3  # of a door without a plate
 
 Backed = Callable[[WallPoint, WallPoint], bool]
+Ranked = tuple[float, float, int, int]  # what orders pairs, and the two ends of one by index
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,23 +65,32 @@ def door_spans(edges: list[Edge], jambs: list[Jamb], handles: list[Place], backe
 
 def _pairs(edges: list[Edge]) -> list[tuple[Edge, Edge]]:
     """Pairs of a left and a right edge that are a door, the best observed first, then the widest; each edge once."""
-    pairs = []
+    pairs: list[Ranked] = []
     for i, left in enumerate(edges):
         if left.side is not Side.LEFT:
             continue
         for j, right in enumerate(edges):
-            if right.side is not Side.RIGHT or not same_wall(left.place.point, right.place.point):
-                continue
-            width_m = right.place.point.right_of(left.place.point)
-            if DOOR_WIDTH_M[0] <= width_m <= DOOR_WIDTH_M[1] and right.place.point.off(left.place.point) < OFF_WALL_M:
-                pairs.append((-min(left.place.count, right.place.count), -width_m, i, j))
+            a, b = left.place.point, right.place.point
+            if right.side is Side.RIGHT and _as_far_as_jambs(a, b):
+                pairs.append((-min(left.place.count, right.place.count), -b.right_of(a), i, j))
+    return [(edges[i], edges[j]) for _, _, i, j in _each_once(pairs)]
+
+
+def _as_far_as_jambs(a: WallPoint, b: WallPoint) -> bool:
+    """Whether two points of a wall are as far apart as the left and right end of a door."""
+    return same_wall(a, b) and DOOR_WIDTH_M[0] <= b.right_of(a) <= DOOR_WIDTH_M[1] and b.off(a) < OFF_WALL_M
+
+
+def _each_once(ranked: list[Ranked]) -> list[Ranked]:
+    """The first in order, without those of which an end was taken before."""
     used: set[int] = set()
-    spans = []
-    for _, _, i, j in sorted(pairs):
-        if i not in used and j not in used:
-            used |= {i, j}
-            spans.append((edges[i], edges[j]))
-    return spans
+    kept = []
+    for one in sorted(ranked):
+        ends = {one[2], one[3]}
+        if not ends & used:
+            used |= ends
+            kept.append(one)
+    return kept
 
 
 def _looks_like_door(left: Edge, right: Edge, jambs: list[Jamb], backed: Backed) -> bool:
@@ -114,30 +124,25 @@ def _is_open(a: WallPoint, b: WallPoint, backed: Backed) -> bool:
 
 def _by_lines(edges: list[Edge], jambs: list[Jamb], handles: list[Place], backed: Backed) -> list[Span]:
     """Pairs of jambs, those that most speaks for first; each jamb once."""
-    found = []
+    found: list[Ranked] = []
     for i, left in enumerate(jambs):
         for j, right in enumerate(jambs):
             if i == j or not _near(left.place, right.place):
                 continue
             a, b = left.place.point, right.place.point
-            if not same_wall(a, b) or b.off(a) > OFF_WALL_M:
-                continue
-            if not DOOR_WIDTH_M[0] <= b.right_of(a) <= DOOR_WIDTH_M[1]:
+            if not _as_far_as_jambs(a, b):
                 continue
             closed = backed(a, b)
             if (closed and _crossed(left, right)) or not (closed or _is_open(a, b, backed)):
                 continue
             votes = _votes(left, right, edges) + (HANDLE_VOTES if _has_handle(a, b, handles) else 0)
             found.append((-votes, -min(left.place.count, right.place.count), i, j))
-    used: set[int] = set()
     spans = []
-    for votes, _, i, j in sorted(found):
-        if i not in used and j not in used:
-            used |= {i, j}
-            left, right = jambs[i], jambs[j]
-            # From near by no picture reaches so high that a jamb could rise above anything
-            needed = VOTES_MIN if left.risen or right.risen else VOTES_MIN - 1
-            spans.append(Span(_edge(Side.LEFT, left), _edge(Side.RIGHT, right), -votes >= needed))
+    for less_votes, _, i, j in _each_once(found):
+        left, right = jambs[i], jambs[j]
+        # From near by no picture reaches so high that a jamb could rise above anything
+        needed = VOTES_MIN if left.risen or right.risen else VOTES_MIN - 1
+        spans.append(Span(_edge(Side.LEFT, left), _edge(Side.RIGHT, right), -less_votes >= needed))
     return spans
 
 
