@@ -30,6 +30,7 @@ from common.node import Node
 from common.node_loop import Member, NodeLoop
 from common.priority import leave_priority_to_comm
 from common.process_log import BusLogHandler, set_up_log
+from common.stop_signals import end_on_signals
 from common.zenoh_bus import ZenohBus
 from common.zenoh_end import ZenohEnd
 from common.zenoh_log import OF_A_PEER, OF_A_ROUTER, ZenohOutput
@@ -100,8 +101,7 @@ class _Process:
     def run(self, foreground: Foreground | None) -> int:
         if self._arguments.parent is not None:
             _end_with(self._arguments.parent)
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: self._stop.set())
+        end_on_signals(self._stop)
         log = logging.getLogger(self._name)
         folder: Path | None = self._arguments.log_dir
         code, clean = 0, True

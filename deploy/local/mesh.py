@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib.util
 import logging
-import signal
 import sys
 import tempfile
 import threading
@@ -31,6 +30,7 @@ from common.messages import (
     PlannerView,
 )
 from common.mission_state import started
+from common.stop_signals import end_on_signals
 from common.zenoh_bus import ZenohBus
 from deploy.local.configuration import RunPaths, mesh_config, process_arguments
 from deploy.local.process_table import SIMULATOR, program_of, without
@@ -60,8 +60,7 @@ class Interrupted(Exception):
 def run_local(options: RunOptions) -> int:
     """Runs the mesh until the mission is finished or somebody ends it; returns the exit code."""
     stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    end_on_signals(stop)
     load_world(options)
     if importlib.util.find_spec("mujoco") is None:
         raise StartError("The simulator needs MuJoCo: run ./deploy/local.sh --setup-only once.")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import threading
 from pathlib import Path
 from typing import Any
 
 from common.config import VisualizerSection
+from common.stop_signals import end_on_signals
 from deploy.verbs.records import RUNS_FOLDER
 
 
@@ -29,8 +29,7 @@ def _view(arguments: argparse.Namespace) -> int:
     if not folder.is_dir() and (RUNS_FOLDER / folder).is_dir():
         folder = RUNS_FOLDER / folder
     stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    end_on_signals(stop)
     page = VisualizerSection(host=arguments.host, port=arguments.port)
     serve(recorded_run(folder), page, stop, lambda address: print(f"{folder}: {address} (Ctrl-C ends)", flush=True))
     return 0
