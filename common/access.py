@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from common.messages import LAPTOP_RECORDED, TOPICS, QosProfile, Topic
+from common.messages.topics import LAPTOP_RECORDED, TOPICS, QosProfile, Topic
 from common.modules import Board, on
 from common.recording import MESSAGE_BYTES_MAX, QUERY_BYTES_MAX
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from common.bus import Bus
 from common.constants import BOARD_RATE_HZ
-from common.messages import BOARD, BoardState
+from common.messages.health import BoardState
+from common.messages.topics import BOARD
 from common.pace import Pace
 from common.release import own_release
 

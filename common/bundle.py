@@ -11,7 +11,7 @@ from typing import Any
 import msgpack
 
 from common.codec import DecodeError
-from common.messages import TOPICS, Topic
+from common.messages.topics import TOPICS, Topic
 
 _MESSAGES_MAX = 64  # in one bundle
 _TOPICS_OF: dict[str, dict[str, Topic[Any]]] = {}

@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from common.codec import encode
 from common.field_checks import UnfitValue
-from common.messages import Topic
+from common.messages.topics import Topic
 from common.recording import Losses, RecordedMessage
 from common.undecodable import Undecodable
 

@@ -14,7 +14,7 @@ from common import access
 from common.codec import Envelope
 from common.config import Config
 from common.keys import COMMAND_ROLES, read_command_key
-from common.messages import TOPICS, Topic
+from common.messages.topics import TOPICS, Topic
 from common.repeats import Repeats
 from common.signing import Signer, Verifier, needs_signature
 

@@ -25,7 +25,7 @@ from common.constants import (
     WHEEL_TRACK_M,
 )
 from common.errors import StartError
-from common.messages import STATUS
+from common.messages.topics import STATUS
 from common.modules import OFFBOARD, PACKAGES, Board, on
 from common.number_presets import PRESETS
 from common.rules import Between, Count, Form, Names, OnPlate, Pattern, Rule

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from common.messages import Operation, Outcome, Permit, PlannerView
+from common.messages.mission import Operation, Outcome, PlannerView
+from common.messages.stop import Permit
 
 ENDED = {
     Outcome.FINISHED: "finished, and home",

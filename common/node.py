@@ -9,7 +9,7 @@ from math import inf
 from typing import Any, Protocol, runtime_checkable
 
 from common.bus import Bus
-from common.messages import Topic
+from common.messages.topics import Topic
 
 # Two steps of a node are never nearer to each other: what arrives between them is taken together
 STEP_GAP_S = 0.01

@@ -14,7 +14,7 @@ import numpy as np
 
 from common.alarm import Alarm
 from common.clock import Clock
-from common.messages import LOG
+from common.messages.topics import LOG
 from common.node import Agenda, Node
 from common.process_log import BusLogHandler
 from common.service_notify import ServiceNotifier

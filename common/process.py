@@ -25,7 +25,8 @@ from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderC
 from common.config import Config, load_config
 from common.errors import StartError, sentence
 from common.memory import keep_what_is_there
-from common.messages import CLOCK, CLOCK_ACK, ClockAck, ClockTick
+from common.messages.health import ClockAck, ClockTick
+from common.messages.topics import CLOCK, CLOCK_ACK
 from common.node import Node
 from common.node_loop import Member, NodeLoop
 from common.priority import leave_priority_to_comm

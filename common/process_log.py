@@ -16,7 +16,8 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from common.bus import Bus
-from common.messages import LOG, LogLine
+from common.messages.health import LogLine
+from common.messages.topics import LOG
 
 _FILE_BYTES = 2_000_000
 _FILES_KEPT = 2  # besides the newest

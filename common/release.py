@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from common.messages import TOPICS, Topic
+from common.messages.topics import TOPICS, Topic
 
 RELEASE_FILE = "RELEASE"
 SOURCES = "sources"  # name of what was not deployed

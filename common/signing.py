@@ -11,7 +11,7 @@ from __future__ import annotations
 import hmac
 
 from common.fields import CHALLENGE_BYTES
-from common.messages import StopRequest
+from common.messages.stop import StopRequest
 
 CHALLENGE_PERIOD_S = 2.0
 SIGNATURE_BYTES = CHALLENGE_BYTES + 32  # challenge and HMAC-SHA256

@@ -13,7 +13,8 @@ from pathlib import Path
 from common.bus import Bus, LocalBus
 from common.constants import STATUS_RATE_HZ
 from common.errors import ErrorCode
-from common.messages import STATUS, Status
+from common.messages.health import Status
+from common.messages.topics import STATUS
 from common.pace import Pace
 
 _STATM = Path("/proc/self/statm")

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import Points
-from common.messages import MapUpdate
+from common.messages.mapping import MapUpdate
 
 _MARGIN_M = 1.0  # a place that moves less needs no look at all points
 

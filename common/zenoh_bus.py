@@ -22,7 +22,7 @@ import zenoh
 from common.bundle import Packed
 from common.clock import Announcements, Clock
 from common.config import Config
-from common.messages import PERMIT, QosProfile, Topic
+from common.messages.topics import PERMIT, QosProfile, Topic
 from common.recording import Losses, RecordedMessage, RecordingSubscriber
 from common.release import Release, release_of_key
 from common.zenoh_end import Arrival, ZenohEnd

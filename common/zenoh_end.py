@@ -19,7 +19,7 @@ from common.access import alive_key, alive_keys
 from common.codec import DecodeError, Envelope
 from common.command_gate import CommandGate
 from common.config import Config
-from common.messages import Topic
+from common.messages.topics import Topic
 from common.recording import MESSAGE_BYTES_MAX
 from common.release import own_release
 from common.signing import SIGNATURE_BYTES

@@ -19,7 +19,7 @@ import zenoh
 from common.bus import QUEUE_LENGTH
 from common.clock import Clock
 from common.codec import DecodeError, Envelope, decode, read_header
-from common.messages import QosProfile, Topic
+from common.messages.topics import QosProfile, Topic
 from common.recording import gap_query, unpack_messages
 from common.undecodable import Undecodable
 from common.zenoh_end import Arrival, ZenohEnd

@@ -12,7 +12,7 @@ import os
 import re
 from collections import OrderedDict
 
-from common.messages import TOPICS
+from common.messages.topics import TOPICS
 from common.repeats import Repeats
 
 _RULES = "zenoh::net::routing::interceptor::access_control"

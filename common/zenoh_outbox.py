@@ -19,7 +19,7 @@ import zenoh
 from common.bus import UNFIT
 from common.codec import Envelope, encode
 from common.field_checks import UnfitValue
-from common.messages import QosProfile, Topic
+from common.messages.topics import QosProfile, Topic
 from common.recording import QUERY_BYTES_MAX, RecentMessages, queried_after
 from common.repeats import Repeats
 from common.reply_budget import ReplyBudget

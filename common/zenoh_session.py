@@ -32,7 +32,7 @@ from common.clock import FREE_LEASE_S
 from common.config import Config
 from common.errors import StartError
 from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
-from common.messages import CLOCK, STOP
+from common.messages.topics import CLOCK, STOP
 from common.modules import OFFBOARD, ON_ROBOT, Board, on
 from common.recording import MESSAGE_BYTES_MAX
 

@@ -21,7 +21,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from common.config import Config, config_text
 from common.errors import ERRORS
-from common.messages import INTERNAL_FLOWS, TOPICS, LogLine, Status, Topic
+from common.messages.health import LogLine, Status
+from common.messages.topics import INTERNAL_FLOWS, TOPICS, Topic
 from common.mission_state import ENDED
 from common.modules import MODULES
 from common.number_presets import PRESETS

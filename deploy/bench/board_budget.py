@@ -20,7 +20,7 @@ from pathlib import Path
 
 from common.clock import FreeClock
 from common.config import load_config
-from common.messages import TOPICS
+from common.messages.topics import TOPICS
 from common.zenoh_bus import ZenohBus
 from deploy.bench.mission import HERE, Mission
 from deploy.bench.order import Order

@@ -25,7 +25,8 @@ import zenoh
 from common.clock import FreeClock
 from common.codec import decode, encode
 from common.config import Config, MeshSection, apart
-from common.messages import POSE, PoseEstimate
+from common.messages.mapping import PoseEstimate
+from common.messages.topics import POSE
 from common.zenoh_bus import ZenohBus
 from common.zenoh_session import lease_s, main_channel, open_session
 from deploy.bench.machine import percentiles

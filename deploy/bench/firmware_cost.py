@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 from common.constants import SERIAL_BAUD
-from common.messages import Speed
+from common.messages.motion import Speed
 from deploy.bench.order import Order
 from deploy.boards.board_link import BoardLink
 from offboard.simulator.building.floor import load_floor

@@ -28,7 +28,8 @@ from common.codec import decode, encode
 from common.config import Config
 from common.constants import SENSOR_RATE_HZ
 from common.environment import PROCESS_ENVIRONMENT
-from common.messages import ODOMETRY, RANGES, Odometry, Ranges, Topic
+from common.messages.motion import Odometry, Ranges
+from common.messages.topics import ODOMETRY, RANGES, Topic
 from common.side_process import ProcessWorker
 from common.zenoh_bus import ZenohBus
 from deploy.bench.mapping_course import Course

@@ -23,7 +23,7 @@ from common.constants import (
     WHEEL_TRACK_M,
 )
 from common.geometry import FloatArray, Pose2, wrap_angle, wrap_angles
-from common.messages import Odometry, Ranges
+from common.messages.motion import Odometry, Ranges
 
 LENGTH_M, WIDTH_M, HALL_M, MIDDLE_M = 58.0, 20.0, 2.0, 29.0
 PILASTER_M = (0.4, 0.15)  # along the wall and out of it

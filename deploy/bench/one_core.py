@@ -21,7 +21,9 @@ from pathlib import Path
 
 from common.clock import FreeClock
 from common.config import Config, load_config
-from common.messages import PERMIT, PLAN, Operation, Permit
+from common.messages.mission import Operation
+from common.messages.stop import Permit
+from common.messages.topics import PERMIT, PLAN
 from common.modules import ON_ROBOT
 from common.zenoh_bus import ZenohBus
 from common.zenoh_session import ROBOT_ROUTER

@@ -17,7 +17,9 @@ from pathlib import Path
 from common.clock import FreeClock
 from common.config import BridgeSection, Config, MeshSection, config_text
 from common.constants import STARTUP_GRACE_S
-from common.messages import PERMIT, POI, POSE, Operation, PointOfInterest
+from common.messages.mission import Operation
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import PERMIT, POI, POSE
 from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
 from deploy.bench.order import Order

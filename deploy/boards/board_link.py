@@ -10,7 +10,7 @@ from math import inf
 
 from common.constants import HEARTBEAT_PERIOD_S
 from common.errors import StartError
-from common.messages import Speed
+from common.messages.motion import Speed
 from onboard.bridge import protocol
 from onboard.bridge.line_protocol import LineDecoder, encode
 from onboard.bridge.protocol import (

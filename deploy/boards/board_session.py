@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import hypot
 
 from common.errors import StartError
-from common.messages import Speed
+from common.messages.motion import Speed
 from deploy.boards.board_link import BoardLink
 from onboard.bridge.protocol import Message, Odo, OdoFlag, SimState
 from onboard.bridge.serial_port import Port

@@ -18,17 +18,9 @@ from pathlib import Path
 from common.clock import FreeClock
 from common.constants import STARTUP_GRACE_S
 from common.errors import StartError
-from common.messages import (
-    OPERATION,
-    PERMIT,
-    PLAN,
-    STATUS,
-    Operation,
-    OperatorCommand,
-    Outcome,
-    Permit,
-    PlannerView,
-)
+from common.messages.mission import Operation, OperatorCommand, Outcome, PlannerView
+from common.messages.stop import Permit
+from common.messages.topics import OPERATION, PERMIT, PLAN, STATUS
 from common.mission_state import started
 from common.stop_signals import end_on_signals
 from common.zenoh_bus import ZenohBus

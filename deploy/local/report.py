@@ -8,7 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from common.messages import Permit, PlannerView
+from common.messages.mission import PlannerView
+from common.messages.stop import Permit
 from common.mission_state import mission_state
 from common.node_loop import STEPS_SUFFIX
 from offboard.evaluate.run_text import figures

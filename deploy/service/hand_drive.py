@@ -9,7 +9,7 @@ import termios
 import tty
 
 from common.errors import StartError
-from common.messages import Speed
+from common.messages.motion import Speed
 from deploy.boards.board_session import BoardSession
 from deploy.service.console import Output, Prompt
 

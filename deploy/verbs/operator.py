@@ -14,7 +14,8 @@ from typing import Any
 from common.clock import FreeClock
 from common.config import load_config
 from common.errors import StartError
-from common.messages import CARRIER, PERMIT, PLAN, Operation
+from common.messages.mission import Operation
+from common.messages.topics import CARRIER, PERMIT, PLAN
 from common.mission_state import hindrance
 from common.zenoh_bus import ZenohBus
 from offboard.operate import operations, software_stop

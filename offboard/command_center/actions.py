@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from textual.widgets import Input, TextArea
 
-from common.messages import Operation
+from common.messages.mission import Operation
 from common.mission_state import hindrance
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.screens.help import HelpScreen

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from common.constants import BOARD_RATE_HZ
-from common.messages import BoardState
+from common.messages.health import BoardState
 
 OLD_S = 3.0 / BOARD_RATE_HZ
 

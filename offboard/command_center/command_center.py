@@ -20,24 +20,10 @@ import numpy as np
 
 from common.bus import Bus
 from common.codec import as_text
-from common.messages import (
-    BOARD,
-    CARRIER,
-    LOG,
-    MAP,
-    PERMIT,
-    PLAN,
-    POI,
-    POSE,
-    STATUS,
-    TOPICS,
-    TRAJECTORY,
-    LogLine,
-    Operation,
-    PoseEstimate,
-    Topic,
-    Trajectory,
-)
+from common.messages.health import LogLine
+from common.messages.mapping import PoseEstimate, Trajectory
+from common.messages.mission import Operation
+from common.messages.topics import BOARD, CARRIER, LOG, MAP, PERMIT, PLAN, POI, POSE, STATUS, TOPICS, TRAJECTORY, Topic
 from common.status import StatusReporter
 from offboard.command_center.board_watch import BoardRow, board_row
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry

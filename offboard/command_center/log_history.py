@@ -7,7 +7,8 @@ from pathlib import Path
 
 from common.codec import as_text
 from common.errors import StartError, sentence
-from common.messages import LOG, LogLine
+from common.messages.health import LogLine
+from common.messages.topics import LOG
 from offboard.command_center.log_book import LogEntry
 from offboard.runs.run_database import Message, RunReader
 from offboard.runs.run_folder import DATABASE_NAME

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from common.messages import Status
+from common.messages.health import Status
 
 SAMPLE_S = 10.0
 KEPT_S = 600.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from common.errors import ERRORS, ErrorCode
-from common.messages import Status
+from common.messages.health import Status
 from offboard.command_center.module_health import Sample
 
 STALE_S = 1.0

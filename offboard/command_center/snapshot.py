@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import CarrierReport, Permit, PlannerView, PoseEstimate
+from common.messages.mapping import PoseEstimate
+from common.messages.mission import PlannerView
+from common.messages.motion import CarrierReport
+from common.messages.stop import Permit
 from common.mission_state import MissionState, mission_state
 from offboard.command_center.board_watch import BoardRow
 from offboard.command_center.module_watch import ModuleRow

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from common.messages import Permit, PlannerView
+from common.messages.mission import PlannerView
+from common.messages.stop import Permit
 from common.mission_state import mission_state
 
 HEADLINE = ("coverage", "map_rmse_m", "home_m", "clearance_m", "ate_fit_m")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from common.messages import Outcome
+from common.messages.mission import Outcome
 from offboard.evaluate.figures import EvaluationError, evaluate
 from offboard.runs.run_folder import SUMMARY_NAME, RunFolderError, write_json
 from offboard.runs.stamped_truth import stamp_truth

@@ -28,7 +28,8 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from common.constants import SONAR_BEARINGS_RAD, SONAR_MAX_M
-from common.messages import LOG, MAP, POI, POSE, RANGES, TRAJECTORY, PointOfInterest, Topic
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import LOG, MAP, POI, POSE, RANGES, TRAJECTORY, Topic
 from offboard.export.json_schema import as_json, schema_of
 from offboard.export.occupancy_image import CELL_M, OccupancyImage, image_of_run
 from offboard.export.run_time import NS, RunTime

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from common.constants import FOOTPRINT_RADIUS_M, SONAR_BEARINGS_RAD
 from common.geometry import FloatArray, Points
-from common.messages import RANGES
+from common.messages.topics import RANGES
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import (
     DATABASE_NAME,

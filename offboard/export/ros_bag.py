@@ -16,7 +16,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from common.constants import SONAR_BEARINGS_RAD, SONAR_MAX_M, SONAR_NAMES, SONAR_RANGE_MIN_M
-from common.messages import LOG, ODOMETRY, POI, POSE, RANGES, TRAJECTORY, PointOfInterest
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import LOG, ODOMETRY, POI, POSE, RANGES, TRAJECTORY
 from offboard.export.occupancy_image import CELL_M, FREE, OCCUPIED, OccupancyImage, image_of_run
 from offboard.export.run_time import NS, RunTime
 from offboard.runs.run_database import Message, RunReader

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from common.messages import Operation, OperatorCommand, Permit, PlannerView
+from common.messages.mission import Operation, OperatorCommand, PlannerView
+from common.messages.stop import Permit
 
 REPEAT_S = 0.1
 ANSWER_TIMEOUT_S = 3.0

@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable
 
 from common.bus import Bus
-from common.messages import PERMIT, STOP, Operation
+from common.messages.mission import Operation
+from common.messages.topics import PERMIT, STOP
 from offboard.operate import operations, software_stop
 from offboard.operate.operations import Answer
 from offboard.operate.order_sender import OrderSender

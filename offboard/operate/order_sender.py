@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from common.bus import Bus
-from common.messages import OPERATION, PERMIT, PLAN
+from common.messages.topics import OPERATION, PERMIT, PLAN
 from offboard.operate.operations import REPEAT_S, Answer, PendingOperation
 
 

@@ -13,7 +13,8 @@ from enum import Enum
 from math import inf
 
 from common.bus import Bus
-from common.messages import CARRIER, ODOMETRY, PERMIT, Permit, StopRequest
+from common.messages.stop import Permit, StopRequest
+from common.messages.topics import CARRIER, ODOMETRY, PERMIT
 
 SOURCE = "operator"
 REPEAT_S = 0.02  # the first message of a program that has just joined may get lost

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable
 
 from common.bus import Bus
-from common.messages import STOP
+from common.messages.topics import STOP
 from offboard.operate.software_stop import (
     REPEAT_S,
     Demand,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from common.messages import OutboxPiece, OutboxReceipt
+from common.messages.delivery import OutboxPiece, OutboxReceipt
 from common.recording import MESSAGE_BYTES_MAX
 
 TOTAL_BYTES_MAX = 2 * MESSAGE_BYTES_MAX

@@ -22,7 +22,8 @@ from common.bus import Bus
 from common.database import disk_full, lost
 from common.disk_worker import DISK_ERRORS, disk_worker
 from common.errors import ErrorCode
-from common.messages import LAPTOP_RECORDED, OUTBOX, RECEIPT, OutboxReceipt, Topic
+from common.messages.delivery import OutboxReceipt
+from common.messages.topics import LAPTOP_RECORDED, OUTBOX, RECEIPT, Topic
 from common.recording import Losses, RecordedMessage, add_loss
 from common.status import StatusReporter
 from common.undecodable import Undecodable

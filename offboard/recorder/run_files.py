@@ -14,19 +14,11 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from common.messages import (
-    MAP,
-    PLAN,
-    POI,
-    POSE,
-    TRAJECTORY,
-    MapUpdate,
-    PlannerView,
-    PointOfInterest,
-    PoseEstimate,
-    Topic,
-)
-from common.messages import Trajectory as SmoothedTrajectory
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.mapping import Trajectory as SmoothedTrajectory
+from common.messages.mission import PlannerView
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import MAP, PLAN, POI, POSE, TRAJECTORY, Topic
 from common.room_number import key_of
 from offboard.runs import run_folder
 from offboard.runs.map_assembly import MapAssembly

@@ -9,7 +9,7 @@ import sqlite3
 from pathlib import Path
 
 from common.database import DatabaseFiles, damaged
-from common.messages import LAPTOP_RECORDED, ROBOT_RECORDED
+from common.messages.topics import LAPTOP_RECORDED, ROBOT_RECORDED
 from offboard.recorder.kept_run import KeptRun
 from offboard.recorder.live_copies import LiveCopies
 from offboard.recorder.run_files import TOPICS_OF_FILES, RunFiles

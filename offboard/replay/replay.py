@@ -14,7 +14,7 @@ import numpy as np
 
 from common.errors import StartError
 from common.geometry import FloatArray, Pose2
-from common.messages import Ranges
+from common.messages.motion import Ranges
 from offboard.replay.range_log import RangeLog
 from offboard.runs.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_NAME, write_map_points, write_tum
 from onboard.mmu.back_end.map_builder import deferred_back_end

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import MapUpdate
+from common.messages.mapping import MapUpdate
 
 _SPARE = 1.25  # of the room for points, so that an increment need not copy all before it
 

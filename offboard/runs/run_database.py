@@ -20,7 +20,9 @@ from typing import Any, Generic, TypeVar
 
 from common.codec import DecodeError, as_text, decode
 from common.database import Connection
-from common.messages import LOG, POI, STATUS, LogLine, PointOfInterest, Status, Topic
+from common.messages.health import LogLine, Status
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import LOG, POI, STATUS, Topic
 from offboard.runs.run_folder import DATABASE_NAME
 from offboard.runs.run_schema import TOPIC_OF_KEY, RunDatabaseError, check_version
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from common.errors import SENTENCE_MAX, StartError, sentence
 from common.json_reader import Node, load_json
-from common.messages import PERMIT, PLAN, Outcome
+from common.messages.mission import Outcome
+from common.messages.topics import PERMIT, PLAN
 from common.mission_state import ENDED, mission_state
 from common.plain_text import plain
 from offboard.runs.run_database import RunReader

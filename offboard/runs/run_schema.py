@@ -17,7 +17,7 @@ from typing import Any
 from common.codec import DecodeError, decode
 from common.database import Connection, DatabaseFiles, damaged, transaction
 from common.errors import StartError
-from common.messages import TOPICS, Topic
+from common.messages.topics import TOPICS, Topic
 from common.recording import KNOWN_BOOTS, Known, Losses, RecordedMessage
 
 SCHEMA_VERSION = 2

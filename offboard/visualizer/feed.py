@@ -14,7 +14,8 @@ from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from common.messages import Status, Topic
+from common.messages.health import Status
+from common.messages.topics import Topic
 from offboard.runs.run_folder import MapData
 from offboard.visualizer import protocol
 from offboard.visualizer.live_model import NO_RUN, LiveModel, ShownRun

@@ -18,24 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from common.geometry import FloatArray, Points
-from common.messages import (
-    GRID,
-    MAP,
-    PERMIT,
-    PLAN,
-    POI,
-    POSE,
-    TRAJECTORY,
-    GridUpdate,
-    MapUpdate,
-    Permit,
-    PlannerView,
-    PointOfInterest,
-    PoseEstimate,
-    Status,
-    Topic,
-    Trajectory,
-)
+from common.messages.health import Status
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
+from common.messages.mission import PlannerView
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.stop import Permit
+from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, TRAJECTORY, Topic
 from common.mission_state import mission_state
 from common.modules import ON_ROBOT
 from offboard.runs.map_assembly import MapAssembly

@@ -16,7 +16,8 @@ from typing import Protocol
 
 from common.bus import Bus
 from common.errors import StartError, sentence
-from common.messages import PERMIT, PLAN, Operation
+from common.messages.mission import Operation
+from common.messages.topics import PERMIT, PLAN
 from offboard.operate import operations
 from offboard.operate.operations import Answer
 from offboard.operate.order_sender import OrderSender

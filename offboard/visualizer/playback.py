@@ -14,7 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from common.errors import StartError, sentence
-from common.messages import LOG, MAP, PERMIT, PLAN, POI, POSE, TRAJECTORY, LogLine, PlannerView, PointOfInterest, Topic
+from common.messages.health import LogLine
+from common.messages.mission import PlannerView
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import LOG, MAP, PERMIT, PLAN, POI, POSE, TRAJECTORY, Topic
 from offboard.runs.run_database import Message, RunReader
 from offboard.visualizer.feed import Feed
 

@@ -12,7 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
-from common.messages import PointOfInterest
+from common.messages.points_of_interest import PointOfInterest
 from offboard.runs.run_folder import POIS_NAME, RunFolderError, read_pois
 
 _log = logging.getLogger("visualizer")

@@ -13,7 +13,7 @@ from math import isfinite
 from typing import Any
 
 from common.fields import COORDINATE
-from common.messages import Operation
+from common.messages.mission import Operation
 
 STOP = "stop"
 _OPERATIONS = {operation.value: operation for operation in Operation}

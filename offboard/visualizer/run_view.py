@@ -22,20 +22,8 @@ from common.config import VisualizerSection
 from common.errors import StartError, sentence
 from common.fields import GRID_CELLS_MAX
 from common.grid_cells import FREE, UNKNOWN, WALL
-from common.messages import (
-    GRID,
-    MAP,
-    PERMIT,
-    PLAN,
-    POSE,
-    STATUS,
-    TRAJECTORY,
-    GridUpdate,
-    MapUpdate,
-    PoseEstimate,
-    Topic,
-    Trajectory,
-)
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
+from common.messages.topics import GRID, MAP, PERMIT, PLAN, POSE, STATUS, TRAJECTORY, Topic
 from offboard.export import occupancy_image
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import DATABASE_NAME, RunFolderError, files_of_run, read_map, read_path

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from common.bus import Bus
-from common.messages import GRID, MAP, PERMIT, PLAN, POI, POSE, STATUS, TRAJECTORY, Topic
+from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, STATUS, TRAJECTORY, Topic
 from common.status import StatusReporter
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer

@@ -18,20 +18,8 @@ from common.bus import Bus
 from common.config import Config
 from common.constants import HEARTBEAT_PERIOD_S, PERMIT_TIMEOUT_S
 from common.errors import ErrorCode
-from common.messages import (
-    CARRIER,
-    DISTANCES,
-    DRIVE,
-    ODOMETRY,
-    PERMIT,
-    RANGES,
-    STATUS,
-    STOP,
-    CarrierReport,
-    DriveCommand,
-    Speed,
-    Topic,
-)
+from common.messages.motion import CarrierReport, DriveCommand, Speed
+from common.messages.topics import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP, Topic
 from common.pace import Pace
 from common.status import StatusPace, StatusReporter
 from onboard.bridge import protocol, translation

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from common.constants import PERMIT_TIMEOUT_S
 from common.fields import STOPS_MAX
-from common.messages import Permit, StopRequest
+from common.messages.stop import Permit, StopRequest
 from onboard.bridge.protocol import StopSourceFlag, Stp
 
 BUTTON = "button"

@@ -9,15 +9,8 @@ from common.constants import SONAR_AGE_MAX_S, SONAR_RING_RADIUS_M
 from common.errors import ErrorCode
 from common.fields import STOPS_MAX
 from common.geometry import wrap_angle
-from common.messages import (
-    CarrierReport,
-    CarrierState,
-    Distances,
-    DriveCommand,
-    Odometry,
-    Ranges,
-    Status,
-)
+from common.messages.health import Status
+from common.messages.motion import CarrierReport, CarrierState, Distances, DriveCommand, Odometry, Ranges
 from onboard.bridge.motion_gate import MotionGate
 from onboard.bridge.protocol import CarSta, CarState, Drv, Dst, Odo, OdoFlag, Rng, SimSta, SimState, StopSourceFlag, Stp
 

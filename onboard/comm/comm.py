@@ -20,7 +20,9 @@ from common.config import CommSection, Config
 from common.constants import PERMIT_RATE_HZ
 from common.errors import ErrorCode, StartError
 from common.fields import CHALLENGE_BYTES
-from common.messages import CARRIER, ODOMETRY, OPERATION, PERMIT, STATUS, STOP, Operation, Permit, Topic
+from common.messages.mission import Operation
+from common.messages.stop import Permit
+from common.messages.topics import CARRIER, ODOMETRY, OPERATION, PERMIT, STATUS, STOP, Topic
 from common.modules import ON_ROBOT
 from common.pace import Pace
 from common.release import Release, own_release

@@ -19,7 +19,7 @@ from typing import Protocol, runtime_checkable
 
 from common.bus import Bus
 from common.disk_worker import DISK_ERRORS, disk_worker
-from common.messages import LOG, OUTBOX, RECEIPT, ROBOT_RECORDED, STATUS
+from common.messages.topics import LOG, OUTBOX, RECEIPT, ROBOT_RECORDED, STATUS
 from common.recording import Known, Losses, RecordedMessage, add_loss, remember
 from onboard.comm.crash_buffer import CrashBuffer
 from onboard.comm.outbox_sender import OutboxSender

@@ -11,7 +11,8 @@ import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from common.messages import RECEIPT, OutboxPiece, OutboxReceipt
+from common.messages.delivery import OutboxPiece, OutboxReceipt
+from common.messages.topics import RECEIPT
 from common.undecodable import Undecodable
 from onboard.comm.outbox_store import Rows
 

@@ -11,19 +11,9 @@ from common.bus import Bus, alive, expires_s
 from common.config import Config
 from common.constants import MAP_RATE_MAX_HZ, MAP_TOLERANCE_M
 from common.errors import ErrorCode
-from common.messages import (
-    GRID,
-    MAP,
-    ODOMETRY,
-    POSE,
-    RANGES,
-    TRAJECTORY,
-    MapUpdate,
-    Odometry,
-    PoseEstimate,
-    Topic,
-    Trajectory,
-)
+from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
+from common.messages.motion import Odometry
+from common.messages.topics import GRID, MAP, ODOMETRY, POSE, RANGES, TRAJECTORY, Topic
 from common.pace import Pace
 from common.side_process import ProcessWorker
 from common.status import StatusReporter

@@ -16,7 +16,7 @@ from math import isfinite
 
 from common.constants import SONAR_BEARINGS_RAD, SONAR_STEP_M, TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from common.messages import Odometry, Ranges
+from common.messages.motion import Odometry, Ranges
 from onboard.mmu.back_end.back_end_link import BackEndLink, BackEndWorker
 from onboard.mmu.back_end.exchange import Correction
 from onboard.mmu.front_end.dead_reckoning import DeadReckoning

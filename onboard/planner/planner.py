@@ -16,7 +16,12 @@ from common.config import Config
 from common.constants import SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
-from common.messages import (
+from common.messages.mapping import GridUpdate, PoseEstimate
+from common.messages.mission import OperatorCommand, Outcome, PlannerView
+from common.messages.motion import CarrierState, Speed
+from common.messages.points_of_interest import PoiCommand, PoiRequest
+from common.messages.stop import Permit
+from common.messages.topics import (
     CARRIER,
     DISTANCES,
     GRID,
@@ -28,16 +33,6 @@ from common.messages import (
     POSE,
     RANGES,
     RETAKE,
-    CarrierState,
-    GridUpdate,
-    OperatorCommand,
-    Outcome,
-    Permit,
-    PlannerView,
-    PoiCommand,
-    PoiRequest,
-    PoseEstimate,
-    Speed,
     Topic,
 )
 from common.mission_state import is_stopped

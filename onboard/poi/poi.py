@@ -16,7 +16,8 @@ from common.bus import Bus
 from common.config import PoiSection
 from common.errors import ErrorCode
 from common.geometry import Pose2
-from common.messages import PERMIT, POI, RETAKE, PointOfInterest, PoiRequest, Topic
+from common.messages.points_of_interest import PointOfInterest, PoiRequest
+from common.messages.topics import PERMIT, POI, RETAKE, Topic
 from common.status import StatusReporter
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import FULL_SIZE_PX

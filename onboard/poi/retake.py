@@ -10,7 +10,7 @@ from enum import Enum
 from math import cos, pi, sin
 
 from common.geometry import Pose2, wrap_angle
-from common.messages import PoiCommand
+from common.messages.points_of_interest import PoiCommand
 from onboard.poi.placement.wall_line import WallPoint
 
 VISITS_MAX = 2  # of one sign

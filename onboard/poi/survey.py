@@ -15,7 +15,9 @@ import cv2
 from common.bus import Bus
 from common.constants import SONAR_RIGHT
 from common.geometry import Pose2, wrap_angle
-from common.messages import MAP, POSE, RANGES, PoseEstimate, Ranges
+from common.messages.mapping import PoseEstimate
+from common.messages.motion import Ranges
+from common.messages.topics import MAP, POSE, RANGES
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Frame, Image
 from onboard.poi.camera.frame_health import FrameHealth

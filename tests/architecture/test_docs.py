@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from common.config import Config, parse_config
-from common.messages import TOPICS
+from common.messages.topics import TOPICS
 from docs.generate import PARTS, expected, sample
 from tests.architecture.project import PACKAGES, ROOT, is_ours, text_files
 

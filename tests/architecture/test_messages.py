@@ -9,7 +9,7 @@ import pytest
 
 from common.errors import ERRORS, ErrorCode
 from common.field_checks import field_of
-from common.messages import INTERNAL_FLOWS, STATUS, TOPICS
+from common.messages.topics import INTERNAL_FLOWS, STATUS, TOPICS
 from common.modules import MODULES
 
 FLOWS = {

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 from itertools import pairwise
 
-from common.messages import TOPICS
+from common.messages.topics import TOPICS
 from tests.architecture.project import Module, modules
 
 STANDARD = {

@@ -16,7 +16,10 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from common.constants import MAP_DENSITY_PER_M
-from common.messages import MAP, PERMIT, POI, POSE, MapUpdate, Permit, PointOfInterest, PoseEstimate
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.stop import Permit
+from common.messages.topics import MAP, PERMIT, POI, POSE
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import NO_RUN, ShownRun
 from offboard.visualizer.operator import Operator

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import expect
 
-from common.messages import Operation
+from common.messages.mission import Operation
 from offboard.visualizer.operator import OperatorView
 from tests.browser.conftest import Robot, Visit
 

@@ -13,7 +13,9 @@ import pytest
 from playwright.sync_api import WebSocketRoute, expect
 
 from common.grid_cells import FREE, WALL
-from common.messages import GRID, PLAN, GridUpdate, Outcome, PlannerView
+from common.messages.mapping import GridUpdate
+from common.messages.mission import Outcome, PlannerView
+from common.messages.topics import GRID, PLAN
 from tests.browser.conftest import Robot, Visit
 
 pytestmark = pytest.mark.timeout(60)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from common.messages import MAP, MapUpdate
+from common.messages.mapping import MapUpdate
+from common.messages.topics import MAP
 from tests.browser.conftest import Robot, Visit
 from tests.browser.proxy import Proxy
 

@@ -13,7 +13,9 @@ from playwright.sync_api import expect
 
 from common.codec import encode
 from common.config import VisualizerSection
-from common.messages import MAP, POI, POSE, MapUpdate, PointOfInterest, PoseEstimate, Topic
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import MAP, POI, POSE, Topic
 from common.recording import RecordedMessage
 from offboard.runs import run_folder
 from offboard.runs.run_schema import Delivery, RunDatabase

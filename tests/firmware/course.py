@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import degrees
 from typing import Any
 
-from common.messages import Speed
+from common.messages.motion import Speed
 from deploy.boards.board_link import BoardLink
 from offboard.simulator.building.floor import parse_floor
 from offboard.simulator.electronics.board import Board

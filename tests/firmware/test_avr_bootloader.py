@@ -13,7 +13,9 @@ import pytest
 
 from common.bus import LocalMesh
 from common.constants import TICK_M
-from common.messages import CARRIER, DRIVE, PERMIT, CarrierReport, CarrierState, DriveCommand, Permit, Speed
+from common.messages.motion import CarrierReport, CarrierState, DriveCommand, Speed
+from common.messages.stop import Permit
+from common.messages.topics import CARRIER, DRIVE, PERMIT
 from offboard.simulator.electronics.avr_board import AvrBoard
 from offboard.simulator.electronics.board import ResetCause
 from onboard.bridge.bridge import Bridge

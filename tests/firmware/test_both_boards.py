@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from common.messages import Speed
+from common.messages.motion import Speed
 from offboard.simulator.electronics.avr_board import AvrBoard
 from offboard.simulator.electronics.board import Board, HostBoard
 from offboard.simulator.error_profiles import PROFILES

@@ -13,7 +13,7 @@ import pytest
 from common.config import Config, config_text, load_config
 from common.errors import StartError
 from common.geometry import Pose2, wrap_angle
-from common.messages import Speed
+from common.messages.motion import Speed
 from deploy.boards.board_link import WrongFirmware
 from deploy.boards.board_session import BoardSession
 from deploy.service.body_calibration import calibrate_gyro, calibrated, measure_wheels

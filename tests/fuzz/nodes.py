@@ -15,11 +15,35 @@ from typing import Any
 
 import numpy as np
 
-from common import messages as m
 from common.bus import LocalBus, LocalMesh
 from common.codec import encode
 from common.config import CommSection, PoiSection
-from common.messages import TOPICS, Topic
+from common.messages.delivery import OutboxPiece, OutboxReceipt
+from common.messages.health import LogLine, Status
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
+from common.messages.mission import Operation, OperatorCommand, PlannerView
+from common.messages.motion import CarrierReport, CarrierState, Distances, Odometry, Ranges
+from common.messages.stop import Permit
+from common.messages.topics import (
+    CARRIER,
+    DISTANCES,
+    GRID,
+    LOG,
+    MAP,
+    ODOMETRY,
+    OPERATION,
+    OUTBOX,
+    PERMIT,
+    PLAN,
+    POSE,
+    RANGES,
+    RECEIPT,
+    ROBOT_RECORDED,
+    STATUS,
+    TOPICS,
+    TRAJECTORY,
+    Topic,
+)
 from common.node import Node
 from common.recording import Losses, RecordedMessage, RecordingSubscriber
 from common.zenoh_inbox import Decoder
@@ -50,7 +74,7 @@ import msgpack  # isort: skip
 
 CALM_PERIOD_S = 0.1
 BOOT_ID = 77
-_BY_OUTBOX = {topic.key for topic in m.ROBOT_RECORDED}
+_BY_OUTBOX = {topic.key for topic in ROBOT_RECORDED}
 
 
 class WireBus(LocalBus):
@@ -113,21 +137,21 @@ def calm(now_s: float, permit: bool) -> list[tuple[Topic[Any], Any]]:
     speed_m_s = 0.16 * cos(0.04 * now_s)
     ticks = round(x_m / 0.000144)
     said: list[tuple[Topic[Any], Any]] = [
-        (m.ODOMETRY, m.Odometry(now_s, ticks, ticks, 0.0, 0.0, x_m, 0.0, speed_m_s, False, False, False, 1)),
-        (m.RANGES, m.Ranges(now_s, (0.8, 1.13, 12.0 - x_m if x_m > 6 else float("nan"), 1.13, 0.8), (0.05,) * 5)),
-        (m.DISTANCES, m.Distances(now_s, 0.8, 0.8, 12.0 - x_m)),
-        (m.CARRIER, m.CarrierReport(now_s, m.CarrierState.MOVING, 1, 0, 0, speed_m_s, 80, 80, True, False, 12.0)),
-        (m.POSE, m.PoseEstimate(now_s, x_m, 0.0, 0.0, 0.0, 0.05, 0.01, 1)),
-        (m.PERMIT, m.Permit(now_s, permit, "", challenge=b"c" * 16)),
+        (ODOMETRY, Odometry(now_s, ticks, ticks, 0.0, 0.0, x_m, 0.0, speed_m_s, False, False, False, 1)),
+        (RANGES, Ranges(now_s, (0.8, 1.13, 12.0 - x_m if x_m > 6 else float("nan"), 1.13, 0.8), (0.05,) * 5)),
+        (DISTANCES, Distances(now_s, 0.8, 0.8, 12.0 - x_m)),
+        (CARRIER, CarrierReport(now_s, CarrierState.MOVING, 1, 0, 0, speed_m_s, 80, 80, True, False, 12.0)),
+        (POSE, PoseEstimate(now_s, x_m, 0.0, 0.0, 0.0, 0.05, 0.01, 1)),
+        (PERMIT, Permit(now_s, permit, "", challenge=b"c" * 16)),
     ]
-    said += [(topic, m.Status(now_s, "RUN", 0, 50_000, True, tick)) for topic in m.STATUS.values()]
+    said += [(topic, Status(now_s, "RUN", 0, 50_000, True, tick)) for topic in STATUS.values()]
     if tick % 5 == 0:
         start = tick % 300
         xs = np.linspace(0.0, 12.0, 20, dtype=np.float32)
         points = np.stack([xs, np.where(np.arange(20) % 2, 0.8, -0.8).astype(np.float32)], axis=1)
         said += [
-            (m.MAP, m.MapUpdate(now_s, 1 + tick // 300, 4 * start, points, np.zeros(20, np.uint8))),
-            (m.PLAN, m.PlannerView(now_s, "STRAIGHT", "following the hall", points[:5], 2, 40.0)),
+            (MAP, MapUpdate(now_s, 1 + tick // 300, 4 * start, points, np.zeros(20, np.uint8))),
+            (PLAN, PlannerView(now_s, "STRAIGHT", "following the hall", points[:5], 2, 40.0)),
         ]
     if tick % 10 == 0:
         cells = np.zeros((60, 160), np.uint8)
@@ -135,14 +159,14 @@ def calm(now_s: float, permit: bool) -> list[tuple[Topic[Any], Any]]:
         cells[[21, 38], 5:140] = 2
         pressed = zlib.compress(cells.tobytes(), 1)
         said += [
-            (m.GRID, m.GridUpdate(now_s, tick, -1.0, -3.0, 0.1, 60, 160, pressed)),
-            (m.LOG["mmu"], m.LogLine(now_s, "INFO", "all is well")),
+            (GRID, GridUpdate(now_s, tick, -1.0, -3.0, 0.1, 60, 160, pressed)),
+            (LOG["mmu"], LogLine(now_s, "INFO", "all is well")),
         ]
     if tick % 100 == 0:
         path = np.stack([np.linspace(0, 9, 20), np.zeros(20), np.zeros(20)], axis=1)
-        said.append((m.TRAJECTORY, m.Trajectory(now_s, np.linspace(0, now_s, 20), path)))
+        said.append((TRAJECTORY, Trajectory(now_s, np.linspace(0, now_s, 20), path)))
     if tick % 200 == 1:
-        said.append((m.OPERATION, m.OperatorCommand(now_s, m.Operation.START, command_id=tick)))
+        said.append((OPERATION, OperatorCommand(now_s, Operation.START, command_id=tick)))
     return said
 
 
@@ -197,19 +221,19 @@ def comm(bus: WireBus) -> Stage:
     far = bus.mesh.endpoint("recorder")
 
     def beside(now_s: float) -> None:
-        for piece in far.take(m.OUTBOX):
+        for piece in far.take(OUTBOX):
             number, offset = piece.number, piece.offset + len(piece.data)
             rows = outbox._sender.rows
             if rows is not None and offset == piece.total_bytes:
                 number, offset = rows.end, 0
-            receipt = m.OutboxReceipt(now_s, piece.outbox_id, number, offset, piece.total_bytes, recorder_id=1)
-            bus.receive(m.RECEIPT, encode(receipt, 1, BOOT_ID))
+            receipt = OutboxReceipt(now_s, piece.outbox_id, number, offset, piece.total_bytes, recorder_id=1)
+            bus.receive(RECEIPT, encode(receipt, 1, BOOT_ID))
 
     return Stage(node, bus, _all_heard_by_comm(), beside, folder=folder)
 
 
 def _all_heard_by_comm() -> tuple[Topic[Any], ...]:
-    return tuple(dict.fromkeys((*_read_by("comm"), *m.ROBOT_RECORDED)))
+    return tuple(dict.fromkeys((*_read_by("comm"), *ROBOT_RECORDED)))
 
 
 class NoCamera:
@@ -244,12 +268,9 @@ def through_outbox(heard: list[tuple[str, bytes]], row: int) -> list[tuple[str, 
     messages = [RecordedMessage(key, BOOT_ID, 1000 * row + i, data) for i, (key, data) in enumerate(said)]
     rows = msgpack.packb([[row, pack_row(messages, {})]])
     pieces = [
-        m.OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES])
-        for at in range(0, len(rows), PIECE_BYTES)
+        OutboxPiece(0.0, 5, row, at, len(rows), rows[at : at + PIECE_BYTES]) for at in range(0, len(rows), PIECE_BYTES)
     ]
-    return [(m.OUTBOX.key, encode(piece, 1, BOOT_ID)) for piece in pieces] + [
-        h for h in heard if h[0] not in _BY_OUTBOX
-    ]
+    return [(OUTBOX.key, encode(piece, 1, BOOT_ID)) for piece in pieces] + [h for h in heard if h[0] not in _BY_OUTBOX]
 
 
 class NoServer:

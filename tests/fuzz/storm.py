@@ -17,7 +17,8 @@ from typing import Any
 
 from common.bus import LocalMesh
 from common.codec import DecodeError, decode, encode
-from common.messages import PERMIT, TOPICS, Permit, Topic
+from common.messages.stop import Permit
+from common.messages.topics import PERMIT, TOPICS, Topic
 from offboard.runs.run_schema import TOPIC_OF_KEY
 from tests.fuzz.nodes import BOOT_ID, CALM_PERIOD_S, Stage, calm, stage_of, through_outbox
 from tests.fuzz.wild import fit, poisoned

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from common.codec import CODEC_VERSION
 from common.fields import GRID_CELLS_MAX, Shape, UpTo, Within
-from common.messages import GridUpdate
+from common.messages.mapping import GridUpdate
 
 P = TypeVar("P")
 

@@ -6,7 +6,9 @@ from collections.abc import Callable
 from math import hypot
 from typing import Any
 
-from common.messages import CARRIER, OPERATION, PERMIT, CarrierReport, Operation, OperatorCommand
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.motion import CarrierReport
+from common.messages.topics import CARRIER, OPERATION, PERMIT
 from offboard.simulator.run.lockstep import Lockstep
 
 

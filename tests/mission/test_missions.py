@@ -13,20 +13,10 @@ import pytest
 from common.constants import FOOTPRINT_RADIUS_M, REVERSE_MAX_M
 from common.errors import StartError
 from common.geometry import wrap_angle
-from common.messages import (
-    DRIVE,
-    GRID,
-    MAP,
-    PERMIT,
-    POSE,
-    RETAKE,
-    STOP,
-    TRAJECTORY,
-    Operation,
-    PoiCommand,
-    PoiRequest,
-    StopRequest,
-)
+from common.messages.mission import Operation
+from common.messages.points_of_interest import PoiCommand, PoiRequest
+from common.messages.stop import StopRequest
+from common.messages.topics import DRIVE, GRID, MAP, PERMIT, POSE, RETAKE, STOP, TRAJECTORY
 from offboard.simulator.run.lockstep import simulate
 from offboard.simulator.run.options import RunOptions
 from offboard.simulator.run.side_workers import apart

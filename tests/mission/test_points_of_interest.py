@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from common.messages import POI, POSE, PointOfInterest, PoseEstimate
+from common.messages.mapping import PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import POI, POSE
 from tests.mission.story import Story
 
 SECONDS = 95.0  # past door and poster

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from common.clock import FreeClock
 from common.config import load_config
-from common.messages import PERMIT
+from common.messages.topics import PERMIT
 from common.zenoh_bus import ZenohBus
 from deploy.local.process_table import program_of
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record

@@ -17,7 +17,8 @@ import pytest
 from common.clock import FreeClock
 from common.config import BridgeSection, Config, MeshSection, apart, config_text
 from common.environment import PROCESS_ENVIRONMENT
-from common.messages import ODOMETRY, PERMIT, Permit
+from common.messages.stop import Permit
+from common.messages.topics import ODOMETRY, PERMIT
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import SHARED

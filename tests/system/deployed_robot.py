@@ -27,7 +27,7 @@ from common.config import (
     config_text,
     with_camera,
 )
-from common.messages import PlannerView
+from common.messages.mission import PlannerView
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES
 from offboard.simulator.run.process import MOTORS_NAME

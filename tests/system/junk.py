@@ -11,7 +11,8 @@ import zenoh
 from common import bundle
 from common.codec import CODEC_VERSION, encode
 from common.config import Config
-from common.messages import TOPICS, Status
+from common.messages.health import Status
+from common.messages.topics import TOPICS
 from common.zenoh_session import Channel, session_config
 
 

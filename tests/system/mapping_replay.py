@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.messages import Odometry, Ranges
+from common.messages.motion import Odometry, Ranges
 from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.slam import Slam
 

@@ -11,7 +11,8 @@ import sys
 
 from common.bus import Bus
 from common.config import Config
-from common.messages import DRIVE, PERMIT, DriveCommand, Speed
+from common.messages.motion import DriveCommand, Speed
+from common.messages.topics import DRIVE, PERMIT
 from common.process import argument_parser, run
 from common.status import StatusReporter
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from common.clock import FreeClock
 from common.config import load_config
-from common.messages import ODOMETRY, STATUS
+from common.messages.topics import ODOMETRY, STATUS
 from common.zenoh_bus import ZenohBus
 
 if __name__ == "__main__":

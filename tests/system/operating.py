@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from common.messages import Operation
+from common.messages.mission import Operation
 from offboard.operate.operations import Answer
 from offboard.operate.software_stop import Demand, Look
 from tests.system.center import Center

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from websockets.exceptions import WebSocketException
 
-from common.messages import MapUpdate
+from common.messages.mapping import MapUpdate
 from tests.page_socket import page_socket
 from tests.system.recording import Points, assembled
 

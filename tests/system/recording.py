@@ -20,7 +20,8 @@ import numpy.typing as npt
 
 from common.bus import Bus
 from common.config import config_text
-from common.messages import MAP, ROBOT_RECORDED, MapUpdate
+from common.messages.mapping import MapUpdate
+from common.messages.topics import MAP, ROBOT_RECORDED
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_schema import RunDatabaseError

@@ -6,7 +6,8 @@ import signal
 import time
 from pathlib import Path
 
-from common.messages import STATUS, Permit
+from common.messages.stop import Permit
+from common.messages.topics import STATUS
 from deploy.local.process_table import PROCESSES
 from offboard.simulator.run.options import FLOORS
 from offboard.simulator.run.process import MOTORS_NAME

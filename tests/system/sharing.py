@@ -8,7 +8,8 @@ from __future__ import annotations
 import sys
 
 from common.bus import Bus
-from common.messages import OPERATION, Operation
+from common.messages.mission import Operation
+from common.messages.topics import OPERATION
 from common.process import run_together
 from onboard.comm.comm import make_comm
 from tests.system.stand_in import StandInMmu, StandInPlanner

@@ -14,23 +14,10 @@ import numpy as np
 
 from common.bus import Bus
 from common.config import Config
-from common.messages import (
-    CARRIER,
-    DRIVE,
-    MAP,
-    ODOMETRY,
-    OPERATION,
-    PERMIT,
-    PLAN,
-    STATUS,
-    STOP,
-    DriveCommand,
-    MapUpdate,
-    Odometry,
-    Operation,
-    PlannerView,
-    Speed,
-)
+from common.messages.mapping import MapUpdate
+from common.messages.mission import Operation, PlannerView
+from common.messages.motion import DriveCommand, Odometry, Speed
+from common.messages.topics import CARRIER, DRIVE, MAP, ODOMETRY, OPERATION, PERMIT, PLAN, STATUS, STOP
 from common.process import argument_parser, run
 from common.status import StatusReporter
 from common.zenoh_bus import ZenohBus

@@ -16,7 +16,9 @@ import numpy as np
 
 from common.bus import Bus
 from common.config import Config
-from common.messages import MAP, POI, POSE, MapUpdate, PointOfInterest, PoseEstimate
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import MAP, POI, POSE
 from common.process import argument_parser, run
 from common.status import StatusReporter
 from common.zenoh_bus import ZenohBus

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from common.config import BridgeSection, Config, MeshSection, config_text
-from common.messages import ODOMETRY, RANGES
+from common.messages.topics import ODOMETRY, RANGES
 from deploy.boards.layout import CURRENT, PYTHONPATH
 from deploy.boards.tree import assemble
 from offboard.evaluate.figures import map_figures, pose_figures

@@ -20,7 +20,9 @@ import pytest
 from common.clock import FreeClock
 from common.config import Config, RobotSection, load_config
 from common.errors import StartError
-from common.messages import AT_ONCE, CARRIER, ODOMETRY, STATUS, TOPICS, Operation, QosProfile, Status, Topic
+from common.messages.health import Status
+from common.messages.mission import Operation
+from common.messages.topics import AT_ONCE, CARRIER, ODOMETRY, STATUS, TOPICS, QosProfile, Topic
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import refuse_second_mesh
 from offboard.operate.operations import Answer

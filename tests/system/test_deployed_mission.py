@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.messages import Outcome
+from common.messages.mission import Outcome
 from offboard.evaluate.figures import evaluate
 from offboard.operate.software_stop import Look
 from offboard.runs.run_database import RunReader

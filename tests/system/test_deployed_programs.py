@@ -10,7 +10,7 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import BoardSection, BridgeSection, Config, MeshSection, PoiSection, config_text
-from common.messages import PERMIT, STATUS
+from common.messages.topics import PERMIT, STATUS
 from common.zenoh_bus import ZenohBus
 from deploy.boards import layout
 from tests.system.board_machine import board_machines

@@ -19,7 +19,9 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import load_config
-from common.messages import LAPTOP_RECORDED, PERMIT, PLAN, ROBOT_RECORDED, TOPICS, Permit, Status, Topic
+from common.messages.health import Status
+from common.messages.stop import Permit
+from common.messages.topics import LAPTOP_RECORDED, PERMIT, PLAN, ROBOT_RECORDED, TOPICS, Topic
 from common.zenoh_bus import ZenohBus
 from offboard.simulator.run.process import MOTORS_NAME
 from tests.system.cable import Cable

@@ -20,7 +20,8 @@ from pathlib import Path
 import pytest
 
 from common.config import PoiSection, VisualizerSection, config_text, with_camera
-from common.messages import OPERATION, PLAN, POSE, STATUS, Operation, OperatorCommand
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.topics import OPERATION, PLAN, POSE, STATUS
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES
 from offboard.simulator.run.options import FLOORS

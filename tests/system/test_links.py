@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from common.config import CommSection, VisualizerSection, config_text, with_camera
-from common.messages import OPERATION, PLAN, STATUS, Operation, OperatorCommand
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.topics import OPERATION, PLAN, STATUS
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES
 from offboard.simulator.run.options import FLOORS

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from common.messages import STATUS
+from common.messages.topics import STATUS
 from tests.system.conftest import Mesh, until
 
 pytestmark = pytest.mark.timeout(60)

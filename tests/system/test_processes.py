@@ -137,11 +137,12 @@ def test_an_unexpected_error_ends_the_process_with_code_1_and_stands_in_its_log(
     program = tmp_path / "broken.py"
     program.write_text(
         "import sys\n"
+        "from common.messages.topics import POSE\n"
         "from common.process import run\n"
         "class Broken:\n"
         "    name, period_s, wakes_on = 'mmu', 0.01, ()\n"
         "    def step(self, bus, now_s):\n"
-        "        bus.take(__import__('common.messages').messages.POSE)\n"
+        "        bus.take(POSE)\n"
         "        raise RuntimeError('quite unexpected')\n"
         "    def close(self): pass\n"
         "sys.exit(run('mmu', lambda config, arguments: Broken()))\n",

@@ -20,7 +20,7 @@ import pytest
 from common.clock import FreeClock
 from common.config import load_config
 from common.errors import ErrorCode
-from common.messages import LAPTOP_RECORDED, POSE, ROBOT_RECORDED, STATUS, TOPICS
+from common.messages.topics import LAPTOP_RECORDED, POSE, ROBOT_RECORDED, STATUS, TOPICS
 from common.recording import MESSAGE_BYTES_MAX
 from common.zenoh_bus import ZenohBus
 from deploy.bench.relay import Relay

@@ -12,7 +12,8 @@ from contextlib import closing
 
 import pytest
 
-from common.messages import OPERATION, Operation, OperatorCommand
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.topics import OPERATION
 from tests.system.conftest import Mesh, until
 
 pytestmark = pytest.mark.timeout(60)

@@ -20,22 +20,10 @@ from common.codec import encode
 from common.config import config_text
 from common.constants import PERMIT_RATE_HZ
 from common.keys import AUTHORITY
-from common.messages import (
-    DRIVE,
-    MAP,
-    OPERATION,
-    PERMIT,
-    PLAN,
-    STATUS,
-    STOP,
-    DriveCommand,
-    Operation,
-    OperatorCommand,
-    Permit,
-    Speed,
-    StopRequest,
-    Topic,
-)
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.motion import DriveCommand, Speed
+from common.messages.stop import Permit, StopRequest
+from common.messages.topics import DRIVE, MAP, OPERATION, PERMIT, PLAN, STATUS, STOP, Topic
 from common.reply_budget import BURST_BYTES, RATE_BYTES_S
 from common.zenoh_session import Channel, direct, session_config
 from offboard.command_center.log_book import LogEntry

@@ -9,7 +9,8 @@ import time
 import pytest
 
 from common.clock import SILENT_S, WINDOW_S
-from common.messages import CLOCK, ODOMETRY, ClockTick
+from common.messages.health import ClockTick
+from common.messages.topics import CLOCK, ODOMETRY
 from tests.system.conftest import Mesh, until
 
 pytestmark = pytest.mark.timeout(60)

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from common.messages import LOG, OPERATION, STATUS, Operation, OperatorCommand
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.topics import LOG, OPERATION, STATUS
 from tests.system.conftest import Mesh, until
 
 pytestmark = pytest.mark.timeout(60)

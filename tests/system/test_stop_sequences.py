@@ -17,7 +17,11 @@ import pytest
 
 from common.clock import FREE_LEASE_S
 from common.config import CommSection, config_text
-from common.messages import DRIVE, STATUS, STOP, Operation, Speed, Status, StopRequest
+from common.messages.health import Status
+from common.messages.mission import Operation
+from common.messages.motion import Speed
+from common.messages.stop import StopRequest
+from common.messages.topics import DRIVE, STATUS, STOP
 from deploy.bench.relay import Relay
 from offboard.command_center.widgets.stop_bar import bar_text
 from offboard.operate.operations import Answer

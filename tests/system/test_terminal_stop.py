@@ -13,7 +13,8 @@ from statistics import median
 import pytest
 
 from common.clock import FreeClock
-from common.messages import CARRIER, LOG, PERMIT, STOP, LogLine
+from common.messages.health import LogLine
+from common.messages.topics import CARRIER, LOG, PERMIT, STOP
 from common.zenoh_bus import ZenohBus
 from offboard.operate.operator_client import request_release
 from tests.system.conftest import ROOT, Mesh, environment, until

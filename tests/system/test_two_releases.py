@@ -30,7 +30,7 @@ def newer(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     for file in ("pyproject.toml", "constraints.txt"):
         shutil.copy2(ROOT / file, folder / file)
-    messages = folder / "common" / "messages.py"
+    messages = folder / "common" / "messages" / "points_of_interest.py"
     text = messages.read_text(encoding="utf-8")
     assert text.count(FIELD) == 1
     messages.write_text(text.replace(FIELD, f'{FIELD}    storey: Word = ""\n'), encoding="utf-8")

@@ -17,7 +17,9 @@ import pytest
 
 from common.clock import FreeClock
 from common.config import VisualizerSection, config_text
-from common.messages import MAP, OPERATION, PERMIT, POSE, STATUS, MapUpdate, Operation, PoseEstimate
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.mission import Operation
+from common.messages.topics import MAP, OPERATION, PERMIT, POSE, STATUS
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import reserve_port
 from offboard.runs import run_folder

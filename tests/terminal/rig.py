@@ -19,7 +19,13 @@ from textual.pilot import Pilot
 from common.bus import LocalMesh
 from common.codec import decode
 from common.errors import ErrorCode
-from common.messages import (
+from common.messages.health import BoardState, LogLine, Status
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.mission import OperatorCommand, PlannerView
+from common.messages.motion import CarrierReport, CarrierState, Odometry
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.stop import Permit, StopRequest
+from common.messages.topics import (
     BOARD,
     CARRIER,
     LOG,
@@ -32,19 +38,6 @@ from common.messages import (
     POSE,
     STATUS,
     STOP,
-    BoardState,
-    CarrierReport,
-    CarrierState,
-    LogLine,
-    MapUpdate,
-    Odometry,
-    OperatorCommand,
-    Permit,
-    PlannerView,
-    PointOfInterest,
-    PoseEstimate,
-    Status,
-    StopRequest,
     Topic,
 )
 from common.recording import RecordedMessage

@@ -12,7 +12,10 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from common.errors import ERRORS, ErrorCode
-from common.messages import PERMIT, POI, BoardState, Operation, PointOfInterest
+from common.messages.health import BoardState
+from common.messages.mission import Operation
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import PERMIT, POI
 from common.modules import MODULES
 from offboard.command_center.actions import END_MESH, KEEP_MESH
 from offboard.command_center.app import CommandCenterApp

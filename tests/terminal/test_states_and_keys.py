@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 from textual.widgets import Button, Input
 
 from common.errors import ERRORS, ErrorCode
-from common.messages import Operation, Outcome
+from common.messages.mission import Operation, Outcome
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.log_book import LogFilter
 from offboard.command_center.screens.guarded import Guarded

@@ -9,7 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.messages import MAP, PLAN, POI, POSE, RANGES, STATUS, TRAJECTORY, Outcome, Ranges, Status, Trajectory
+from common.messages.health import Status
+from common.messages.mapping import Trajectory
+from common.messages.mission import Outcome
+from common.messages.motion import Ranges
+from common.messages.topics import MAP, PLAN, POI, POSE, RANGES, STATUS, TRAJECTORY
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary
 from tests.unit.test_recorder import Run, door, map_update, pose, view
 

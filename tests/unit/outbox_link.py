@@ -7,7 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from common.bus import LocalMesh
-from common.messages import OUTBOX, POSE, RECEIPT, STATUS, OutboxPiece, PointOfInterest, PoseEstimate, Status
+from common.messages.delivery import OutboxPiece
+from common.messages.health import Status
+from common.messages.mapping import PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import OUTBOX, POSE, RECEIPT, STATUS
 from offboard.recorder.recorder import Recorder
 from offboard.runs.run_database import RunReader
 from onboard.comm.outbox import Outbox

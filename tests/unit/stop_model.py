@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
-from common.messages import Permit, StopRequest
+from common.messages.stop import Permit, StopRequest
 from onboard.bridge.motion_gate import MotionGate, button_press
 from onboard.bridge.protocol import StopSourceFlag, Stp
 from onboard.comm import stop_owner

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from common.messages import Permit
+from common.messages.stop import Permit
 from deploy.bench.core_quota import ByTurns, DutyCycle, ThrottledCore, cores
 from deploy.bench.one_core import MotorRow, Withdrawn, switched_off, wheels_off_s
 from deploy.bench.process_cost import threads

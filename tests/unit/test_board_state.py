@@ -10,7 +10,7 @@ import pytest
 from common.board_state import BoardReporter, read_board_state
 from common.bus import LocalMesh
 from common.constants import BOARD_RATE_HZ
-from common.messages import BOARD
+from common.messages.topics import BOARD
 from common.release import SOURCES
 
 

@@ -9,21 +9,9 @@ import pytest
 from common.bus import LocalMesh
 from common.constants import SONAR_RING_RADIUS_M
 from common.fields import STOPS_MAX
-from common.messages import (
-    CARRIER,
-    DISTANCES,
-    DRIVE,
-    ODOMETRY,
-    PERMIT,
-    RANGES,
-    STATUS,
-    STOP,
-    CarrierState,
-    DriveCommand,
-    Permit,
-    Speed,
-    StopRequest,
-)
+from common.messages.motion import CarrierState, DriveCommand, Speed
+from common.messages.stop import Permit, StopRequest
+from common.messages.topics import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP
 from onboard.bridge import translation
 from onboard.bridge.board_clock import BoardClock
 from onboard.bridge.bridge import Bridge

@@ -7,7 +7,9 @@ from math import inf
 import pytest
 
 from common.bus import ALIVE_PERIODS, QUEUE_LENGTH, LocalBus, LocalMesh, alive, alive_and_valid
-from common.messages import DISTANCES, POSE, STOP, Distances, StopRequest
+from common.messages.motion import Distances
+from common.messages.stop import StopRequest
+from common.messages.topics import DISTANCES, POSE, STOP
 
 
 @pytest.fixture

@@ -14,11 +14,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from common import messages
 from common.codec import CODEC_VERSION, DecodeError, as_text, decode, encode
 from common.errors import ErrorCode
 from common.field_checks import UnfitValue
-from common.messages import TOPICS, CarrierReport, CarrierState, DriveCommand, PlannerView, Ranges, Speed, Status
+from common.messages.health import ClockTick, LogLine, Status
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate
+from common.messages.mission import Operation, OperatorCommand, PlannerView
+from common.messages.motion import CarrierReport, CarrierState, DriveCommand, Ranges, Speed
+from common.messages.stop import Permit
+from common.messages.topics import TOPICS
 from tests.fuzz.wild import fit, message, packed
 
 PAYLOADS = sorted({topic.payload for topic in TOPICS}, key=lambda payload: payload.__name__)
@@ -73,7 +77,7 @@ ARRAYS = st.tuples(DTYPES, st.lists(INTEGERS, max_size=3), st.binary(max_size=16
 
 
 @given(JSON_LIKE | st.lists(JSON_LIKE, min_size=4, max_size=4), st.sampled_from(PAYLOADS))
-@example([CODEC_VERSION, float("inf"), 0, {"t_s": 0.0, "level": "", "text": ""}], messages.LogLine)
+@example([CODEC_VERSION, float("inf"), 0, {"t_s": 0.0, "level": "", "text": ""}], LogLine)
 def test_other_content_raises_nothing_but_a_decode_error(content: Any, kind: type) -> None:
     refuse(msgpack.packb(content), kind)
 
@@ -84,7 +88,7 @@ def test_other_content_raises_nothing_but_a_decode_error(content: Any, kind: typ
 @example(msgpack.ExtType(7, b""))
 def test_strange_arrays_raise_nothing_but_a_decode_error(array: msgpack.ExtType) -> None:
     body = {"t_s": 0.0, "revision": 0, "start": 0, "points_m": array, "inferred": array}
-    refuse(msgpack.packb([CODEC_VERSION, 1, 0, body]), messages.MapUpdate)
+    refuse(msgpack.packb([CODEC_VERSION, 1, 0, body]), MapUpdate)
 
 
 @pytest.mark.parametrize(
@@ -103,15 +107,15 @@ def test_strange_arrays_raise_nothing_but_a_decode_error(array: msgpack.ExtType)
 def test_array_of_a_wrong_shape_or_kind_or_number_is_refused(wrong: dict[str, Any]) -> None:
     right = {"points_m": np.zeros((3, 2), np.float32), "inferred": np.zeros(3, np.uint8)}
     body = {"t_s": 0.0, "revision": 1, "start": 0}
-    decode(message(body | {name: packed(array) for name, array in right.items()}), messages.MapUpdate)
+    decode(message(body | {name: packed(array) for name, array in right.items()}), MapUpdate)
     with pytest.raises(DecodeError, match=r"points_m|inferred|array"):
-        decode(message(body | {name: packed(array) for name, array in (right | wrong).items()}), messages.MapUpdate)
+        decode(message(body | {name: packed(array) for name, array in (right | wrong).items()}), MapUpdate)
 
 
 def test_array_of_a_neighbouring_type_is_converted() -> None:
     points = packed(np.ones((3, 2)))
     body = {"t_s": 0.0, "revision": 1, "start": 0, "points_m": points, "inferred": packed(np.zeros(3, np.uint8))}
-    assert decode(message(body), messages.MapUpdate).payload.points_m.dtype == np.float32
+    assert decode(message(body), MapUpdate).payload.points_m.dtype == np.float32
 
 
 @pytest.mark.parametrize("start", [-1, 2**40])
@@ -120,23 +124,23 @@ def test_map_that_goes_on_nowhere_is_refused(start: int) -> None:
         name: msgpack.ExtType(1, msgpack.packb([dtype, shape, b""]))
         for name, dtype, shape in (("points_m", "<f4", [0, 2]), ("inferred", "|u1", [0]))
     }
-    decode(message(body), messages.MapUpdate)
+    decode(message(body), MapUpdate)
     with pytest.raises(DecodeError, match=str(start)):
-        decode(message(body | {"start": start}), messages.MapUpdate)
+        decode(message(body | {"start": start}), MapUpdate)
 
 
 BODIES: dict[type, dict[str, Any]] = {
     DriveCommand: {"t_s": 1.0, "command_id": 1, "speed": 1, "yaw_rad": 0.5, "valid": True},
-    messages.PoseEstimate: {
+    PoseEstimate: {
         **{"t_s": 1.0, "x_m": 1.0, "y_m": 1.0, "heading_rad": 1.0, "yaw_rad": 1.0},
         **{"sd_xy_m": 0.1, "sd_heading_rad": 0.1, "map_revision": 1},
     },
-    messages.OperatorCommand: {"t_s": 1.0, "operation": "goto", "x_m": 1.0, "y_m": 1.0},
+    OperatorCommand: {"t_s": 1.0, "operation": "goto", "x_m": 1.0, "y_m": 1.0},
     Ranges: {"t_s": 1.0, "range_m": [1.0] * 5, "age_s": [0.1] * 5},
-    messages.LogLine: {"t_s": 1.0, "level": "INFO", "text": "all is well"},
-    messages.Permit: {"t_s": 1.0, "granted": True, "reason": "", "stop_sources": ["operator"], "challenge": b"c" * 16},
-    messages.ClockTick: {"t_s": 1.0, "speed": 1.0, "topics": ["a/b"], "boot_ids": [1], "sequences": [1]},
-    messages.GridUpdate: {
+    LogLine: {"t_s": 1.0, "level": "INFO", "text": "all is well"},
+    Permit: {"t_s": 1.0, "granted": True, "reason": "", "stop_sources": ["operator"], "challenge": b"c" * 16},
+    ClockTick: {"t_s": 1.0, "speed": 1.0, "topics": ["a/b"], "boot_ids": [1], "sequences": [1]},
+    GridUpdate: {
         **{"t_s": 1.0, "revision": 1, "origin_x_m": 0.0, "origin_y_m": 0.0},
         **{"cell_m": 0.1, "rows": 2, "columns": 2, "cells_zlib": b"x"},
     },
@@ -146,16 +150,16 @@ BODIES: dict[type, dict[str, Any]] = {
 @pytest.mark.parametrize(
     ("kind", "poison"),
     [
-        (messages.OperatorCommand, {"x_m": nan}),
-        (messages.OperatorCommand, {"y_m": inf}),
-        (messages.OperatorCommand, {"x_m": 1e6}),
-        (messages.LogLine, {"t_s": nan}),
-        (messages.LogLine, {"text": b"bytes"}),
-        (messages.PoseEstimate, {"x_m": nan}),
-        (messages.PoseEstimate, {"heading_rad": -inf}),
-        (messages.PoseEstimate, {"sd_xy_m": -0.1}),
-        (messages.PoseEstimate, {"map_revision": 2**63}),
-        (messages.PoseEstimate, {"map_revision": -1}),
+        (OperatorCommand, {"x_m": nan}),
+        (OperatorCommand, {"y_m": inf}),
+        (OperatorCommand, {"x_m": 1e6}),
+        (LogLine, {"t_s": nan}),
+        (LogLine, {"text": b"bytes"}),
+        (PoseEstimate, {"x_m": nan}),
+        (PoseEstimate, {"heading_rad": -inf}),
+        (PoseEstimate, {"sd_xy_m": -0.1}),
+        (PoseEstimate, {"map_revision": 2**63}),
+        (PoseEstimate, {"map_revision": -1}),
         (DriveCommand, {"command_id": 2**31}),
         (DriveCommand, {"speed": True}),
         (DriveCommand, {"speed": [1]}),
@@ -164,15 +168,15 @@ BODIES: dict[type, dict[str, Any]] = {
         (Ranges, {"range_m": [1.0] * 4 + [inf]}),
         (Ranges, {"age_s": [0.1] * 4 + [nan]}),
         (Ranges, {"age_s": 0.1}),
-        (messages.Permit, {"stop_sources": [1]}),
-        (messages.Permit, {"stop_sources": [["operator"]]}),
-        (messages.Permit, {"stop_sources": ["x"] * 1000}),
-        (messages.Permit, {"challenge": b"c" * 17}),
-        (messages.ClockTick, {"boot_ids": []}),
-        (messages.ClockTick, {"sequences": [-1]}),
-        (messages.GridUpdate, {"rows": 0}),
-        (messages.GridUpdate, {"rows": 20_000, "columns": 20_000}),
-        (messages.GridUpdate, {"cell_m": 0.0}),
+        (Permit, {"stop_sources": [1]}),
+        (Permit, {"stop_sources": [["operator"]]}),
+        (Permit, {"stop_sources": ["x"] * 1000}),
+        (Permit, {"challenge": b"c" * 17}),
+        (ClockTick, {"boot_ids": []}),
+        (ClockTick, {"sequences": [-1]}),
+        (GridUpdate, {"rows": 0}),
+        (GridUpdate, {"rows": 20_000, "columns": 20_000}),
+        (GridUpdate, {"cell_m": 0.0}),
     ],
 )
 def test_poisoned_value_is_refused_and_the_reason_names_the_field(kind: type, poison: dict[str, Any]) -> None:
@@ -189,13 +193,13 @@ def test_message_without_a_proper_sequence_number_and_boot_id_is_refused(stamp: 
 
 def test_a_distance_may_be_nan_and_an_uncertainty_infinite() -> None:
     assert decode(message(BODIES[Ranges] | {"range_m": [nan] * 5}), Ranges).payload.range_m[4] != 0
-    lost = decode(message(BODIES[messages.PoseEstimate] | {"sd_xy_m": inf}), messages.PoseEstimate)
+    lost = decode(message(BODIES[PoseEstimate] | {"sd_xy_m": inf}), PoseEstimate)
     assert lost.payload.sd_xy_m == inf
 
 
 def test_text_is_cleaned_and_cut_and_never_refused() -> None:
     text = "two\nlines, \x1b[31mred\x07\x9b, \u202eturned, [/a] stays" + "." * 10_000
-    line = decode(message(BODIES[messages.LogLine] | {"text": text}), messages.LogLine).payload
+    line = decode(message(BODIES[LogLine] | {"text": text}), LogLine).payload
     assert line.text.startswith("two lines, \ufffd[31mred\ufffd\ufffd, \ufffdturned, [/a] stays...")
     assert line.text.isprintable()
     assert len(line.text) == 2_000
@@ -217,7 +221,7 @@ def test_a_small_message_cannot_fill_the_memory(bomb: Any) -> None:
     tracemalloc.start()
     try:
         with pytest.raises(DecodeError):
-            decode(data, messages.MapUpdate)
+            decode(data, MapUpdate)
         assert tracemalloc.get_traced_memory()[1] < 20_000_000
     finally:
         tracemalloc.stop()
@@ -226,9 +230,9 @@ def test_a_small_message_cannot_fill_the_memory(bomb: Any) -> None:
 @pytest.mark.parametrize(
     "payload",
     [
-        messages.OperatorCommand(1.0, messages.Operation.GOTO, nan, 0.0),
-        messages.Ranges(1.0, (1.0,), (0.1,)),
-        messages.MapUpdate(1.0, 1, 0, np.full((1, 2), nan, np.float32), np.zeros(1, np.uint8)),
+        OperatorCommand(1.0, Operation.GOTO, nan, 0.0),
+        Ranges(1.0, (1.0,), (0.1,)),
+        MapUpdate(1.0, 1, 0, np.full((1, 2), nan, np.float32), np.zeros(1, np.uint8)),
     ],
 )
 def test_what_would_be_refused_is_not_encoded(payload: Any) -> None:

@@ -16,20 +16,11 @@ from common.bus import LocalBus, LocalMesh
 from common.config import CommSection, Config
 from common.constants import STARTUP_GRACE_S, WATCHDOG_CLEAR_S
 from common.errors import ErrorCode, StartError
-from common.messages import (
-    CARRIER,
-    OPERATION,
-    PERMIT,
-    STATUS,
-    STOP,
-    CarrierReport,
-    CarrierState,
-    Operation,
-    OperatorCommand,
-    Permit,
-    Status,
-    StopRequest,
-)
+from common.messages.health import Status
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.motion import CarrierReport, CarrierState
+from common.messages.stop import Permit, StopRequest
+from common.messages.topics import CARRIER, OPERATION, PERMIT, STATUS, STOP
 from common.signing import CHALLENGE_PERIOD_S
 from onboard.comm import stop_keeper
 from onboard.comm.comm import Comm, make_comm

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
-from common.messages import Outcome
+from common.messages.mission import Outcome
 from offboard.evaluate.figures import EvaluationError, along, evaluate
 from offboard.evaluate.summary import RunFacts, StepTimes, without_wall_time, write_summary
 from offboard.runs import run_folder

@@ -19,7 +19,10 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from common.codec import encode
-from common.messages import LOG, POSE, LogLine, Outcome, PoseEstimate
+from common.messages.health import LogLine
+from common.messages.mapping import PoseEstimate
+from common.messages.mission import Outcome
+from common.messages.topics import LOG, POSE
 from common.recording import RecordedMessage
 from offboard.evaluate.summary import RunFacts, write_summary
 from offboard.export.formats import export
@@ -121,7 +124,8 @@ _WRITES_FOR_EVER = """
 import itertools, sys
 from pathlib import Path
 from common.codec import encode
-from common.messages import POSE, PoseEstimate
+from common.messages.mapping import PoseEstimate
+from common.messages.topics import POSE
 from common.recording import RecordedMessage
 from offboard.runs.run_schema import Delivery, RunDatabase
 

@@ -11,7 +11,7 @@ import pytest
 
 from common.codec import encode
 from common.errors import ErrorCode
-from common.messages import PERMIT, POI, POSE
+from common.messages.topics import PERMIT, POI, POSE
 from offboard.recorder import kept_run, recorder
 from offboard.recorder.run_files import RunFiles
 from offboard.runs import run_folder

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from common.messages import Operation, Outcome, Permit, PlannerView
+from common.messages.mission import Operation, Outcome, PlannerView
+from common.messages.stop import Permit
 from common.mission_state import (
     ENDED,
     NOT_PAUSED,

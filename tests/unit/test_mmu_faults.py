@@ -12,7 +12,7 @@ import pytest
 
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import Pose2
-from common.messages import Odometry, Ranges
+from common.messages.motion import Odometry, Ranges
 from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.map.map_file import SavedMap, load_map
 from onboard.mmu.slam import Slam

@@ -21,20 +21,10 @@ from common.constants import (
 )
 from common.errors import ErrorCode
 from common.geometry import Points, Pose2, wrap_angle
-from common.messages import (
-    GRID,
-    MAP,
-    ODOMETRY,
-    POSE,
-    RANGES,
-    STATUS,
-    TRAJECTORY,
-    MapUpdate,
-    Odometry,
-    PoseEstimate,
-    Ranges,
-    Status,
-)
+from common.messages.health import Status
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.motion import Odometry, Ranges
+from common.messages.topics import GRID, MAP, ODOMETRY, POSE, RANGES, STATUS, TRAJECTORY
 from common.node import Agenda
 from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.mmu import MappingUnit

@@ -11,7 +11,7 @@ import pytest
 
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import Pose2, wrap_angle
-from common.messages import Odometry
+from common.messages.motion import Odometry
 from onboard.mmu.front_end.odometry import OdometryFilter
 
 PERIOD_S = 0.1

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 
 from common.bus import LocalMesh
-from common.messages import STATUS, Status
+from common.messages.health import Status
+from common.messages.topics import STATUS
 from common.status import StatusReporter
 from offboard.command_center.module_health import KEPT_S, SAMPLE_S, HealthHistory, Sample, bars, health_text
 

@@ -10,18 +10,9 @@ import pytest
 
 from common.bus import LocalMesh
 from common.errors import ErrorCode
-from common.messages import (
-    LOG,
-    OUTBOX,
-    POI,
-    POSE,
-    RECEIPT,
-    STATUS,
-    LogLine,
-    OutboxPiece,
-    OutboxReceipt,
-    Status,
-)
+from common.messages.delivery import OutboxPiece, OutboxReceipt
+from common.messages.health import LogLine, Status
+from common.messages.topics import LOG, OUTBOX, POI, POSE, RECEIPT, STATUS
 from common.recording import KNOWN_BOOTS
 from offboard.recorder.recorder import Recorder
 from onboard.comm import outbox, outbox_store

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M, SAFE_DISTANCE_M
-from common.messages import Speed
+from common.messages.motion import Speed
 from onboard.planner.driving.collision_monitor import (
     BACK_OFF_S,
     BLOCKED_S,

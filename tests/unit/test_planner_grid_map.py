@@ -11,7 +11,7 @@ import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.grid_cells import FREE, UNKNOWN, WALL
-from common.messages import GridUpdate
+from common.messages.mapping import GridUpdate
 from onboard.planner.grid.grid_map import GridMap, close_slivers
 from onboard.planner.grid.grid_reading import TILE_CELLS, GridError, read
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2, wrap_angle
-from common.messages import MapUpdate, Outcome, Speed
+from common.messages.mapping import MapUpdate
+from common.messages.mission import Outcome
+from common.messages.motion import Speed
 from common.wall_points import WallPointMap
 from onboard.planner.exploration.queries import JudgedGrid
 from onboard.planner.exploration.recovery_memory import BLOCK_FOR_S

@@ -6,7 +6,8 @@ from itertools import product
 
 import pytest
 
-from common.messages import Operation, OperatorCommand, Outcome, Permit
+from common.messages.mission import Operation, OperatorCommand, Outcome
+from common.messages.stop import Permit
 from common.mission_state import NOT_PAUSED, STILL_PAUSED, is_stopped
 from onboard.planner.mission.orders import Orders
 from onboard.planner.mission.table import (

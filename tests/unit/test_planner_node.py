@@ -15,7 +15,11 @@ from common.bus import ALIVE_PERIODS, LocalMesh
 from common.constants import SONAR_COUNT
 from common.errors import ErrorCode
 from common.geometry import wrap_angle
-from common.messages import (
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate
+from common.messages.mission import Operation, OperatorCommand, Outcome
+from common.messages.motion import CarrierReport, CarrierState, Distances, DriveCommand, Odometry, Ranges, Speed
+from common.messages.stop import Permit
+from common.messages.topics import (
     CARRIER,
     DISTANCES,
     DRIVE,
@@ -28,20 +32,6 @@ from common.messages import (
     POSE,
     RANGES,
     STATUS,
-    CarrierReport,
-    CarrierState,
-    Distances,
-    DriveCommand,
-    GridUpdate,
-    MapUpdate,
-    Odometry,
-    Operation,
-    OperatorCommand,
-    Outcome,
-    Permit,
-    PoseEstimate,
-    Ranges,
-    Speed,
     Topic,
 )
 from common.node import STEP_GAP_S, Agenda

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from common.geometry import Pose2
-from common.messages import Speed
+from common.messages.motion import Speed
 from onboard.planner.routing.path_following import Path, arrived, rest_of, speed_along
 from tests.unit.test_planner_grid_map import drawn
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from common.messages import PoiCommand, Speed
+from common.messages.motion import Speed
+from common.messages.points_of_interest import PoiCommand
 from onboard.planner.driving.poi_override import HOLD_MAX_S, Override, after, speed
 
 

@@ -14,23 +14,12 @@ from common.config import PoiSection
 from common.constants import CAMERA_HEIGHT_M
 from common.errors import ErrorCode
 from common.geometry import Pose2
-from common.messages import (
-    MAP,
-    PERMIT,
-    POI,
-    POSE,
-    RANGES,
-    RETAKE,
-    STATUS,
-    MapUpdate,
-    Permit,
-    PoiCommand,
-    PointOfInterest,
-    PoiRequest,
-    PoseEstimate,
-    Ranges,
-    Status,
-)
+from common.messages.health import Status
+from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.motion import Ranges
+from common.messages.points_of_interest import PoiCommand, PointOfInterest, PoiRequest
+from common.messages.stop import Permit
+from common.messages.topics import MAP, PERMIT, POI, POSE, RANGES, RETAKE, STATUS
 from common.side_work import JobOutcome
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame, Image

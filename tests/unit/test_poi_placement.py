@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.geometry import Pose2
-from common.messages import MapUpdate, PoseEstimate
+from common.messages.mapping import MapUpdate, PoseEstimate
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.placement.pose_history import PoseHistory
 from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker

@@ -15,7 +15,10 @@ import pytest
 
 from common import recording
 from common.bus import LocalBus, LocalMesh
-from common.messages import OUTBOX, POI, POSE, RECEIPT, STATUS, PointOfInterest, PoseEstimate, Status, Topic
+from common.messages.health import Status
+from common.messages.mapping import PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import OUTBOX, POI, POSE, RECEIPT, STATUS, Topic
 from common.recording import Losses, RecentMessages, RecordedMessage, RecordingSubscriber, queried_after
 from offboard.recorder.recorder import Recorder
 from offboard.runs.run_database import RunReader

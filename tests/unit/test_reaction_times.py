@@ -9,7 +9,10 @@ import pytest
 from common.bus import LocalMesh
 from common.config import CommSection
 from common.constants import PERMIT_TIMEOUT_S
-from common.messages import CARRIER, PERMIT, STATUS, STOP, CarrierReport, CarrierState, Permit, Status, StopRequest
+from common.messages.health import Status
+from common.messages.motion import CarrierReport, CarrierState
+from common.messages.stop import Permit, StopRequest
+from common.messages.topics import CARRIER, PERMIT, STATUS, STOP
 from onboard.bridge.bridge import Bridge
 from onboard.bridge.line_protocol import LineDecoder, encode
 from onboard.bridge.protocol import HASH, STOP_BYTE, VERSION, CarSta, Hb, Hello, Stp

@@ -16,20 +16,10 @@ from hypothesis import strategies as st
 
 from common.bus import LocalBus, LocalMesh
 from common.errors import ErrorCode
-from common.messages import (
-    MAP,
-    PLAN,
-    POI,
-    POSE,
-    STATUS,
-    TRAJECTORY,
-    MapUpdate,
-    Outcome,
-    PlannerView,
-    PointOfInterest,
-    PoseEstimate,
-    Trajectory,
-)
+from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
+from common.messages.mission import Outcome, PlannerView
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import MAP, PLAN, POI, POSE, STATUS, TRAJECTORY
 from offboard.recorder.recorder import WRITE_PERIOD_S, Recorder
 from offboard.runs import run_folder
 from offboard.runs.map_assembly import MapAssembly

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.codec import encode
-from common.messages import POSE, STATUS, Status
+from common.messages.health import Status
+from common.messages.topics import POSE, STATUS
 from common.recording import (
     RECENT_BYTES,
     RECENT_COUNT,

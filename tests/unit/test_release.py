@@ -12,19 +12,11 @@ import pytest
 from common.bus import LocalBus, LocalMesh
 from common.clock import FreeClock
 from common.config import CommSection, Config, MeshSection, apart
-from common.messages import (
-    CARRIER,
-    PERMIT,
-    POSE,
-    STATUS,
-    TOPICS,
-    CarrierReport,
-    CarrierState,
-    Permit,
-    PoseEstimate,
-    Status,
-    Topic,
-)
+from common.messages.health import Status
+from common.messages.mapping import PoseEstimate
+from common.messages.motion import CarrierReport, CarrierState
+from common.messages.stop import Permit
+from common.messages.topics import CARRIER, PERMIT, POSE, STATUS, TOPICS, Topic
 from common.release import Release, messages_hash, own_release, release_of_key
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import reserve_port

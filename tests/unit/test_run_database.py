@@ -15,7 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.codec import CODEC_VERSION, DecodeError, decode, encode, read_header
-from common.messages import LOG, PLAN, POI, POSE, STATUS, TOPICS, LogLine, PointOfInterest, PoseEstimate, Status
+from common.messages.health import LogLine, Status
+from common.messages.mapping import PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import LOG, PLAN, POI, POSE, STATUS, TOPICS
 from common.recording import RecordedMessage
 from deploy.cli import main
 from offboard.runs.run_database import RunReader

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from common.codec import encode
-from common.messages import LOG, PERMIT, PLAN, LogLine, Outcome, Permit, PlannerView, Topic
+from common.messages.health import LogLine
+from common.messages.mission import Outcome, PlannerView
+from common.messages.stop import Permit
+from common.messages.topics import LOG, PERMIT, PLAN, Topic
 from common.mission_state import ENDED
 from common.recording import RecordedMessage
 from deploy.cli import main

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.messages import Operation, OperatorCommand, StopRequest
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.stop import StopRequest
 from common.signing import CHALLENGE_BYTES, SIGNATURE_BYTES, Signer, Verifier, needs_signature
 
 KEY = b"k" * 32

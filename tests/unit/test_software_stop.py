@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.messages import Permit
+from common.messages.stop import Permit
 from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.stop_bar import bar_text
 from offboard.operate.software_stop import (

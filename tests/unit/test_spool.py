@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from common.codec import encode
-from common.messages import POSE, STATUS, Status
+from common.messages.health import Status
+from common.messages.topics import POSE, STATUS
 from onboard.comm.spool import Spool, spool_folder
 
 BOOT = 7

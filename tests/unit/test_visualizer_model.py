@@ -15,25 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import ErrorCode
-from common.messages import (
-    GRID,
-    MAP,
-    PERMIT,
-    PLAN,
-    POI,
-    POSE,
-    STATUS,
-    TRAJECTORY,
-    GridUpdate,
-    MapUpdate,
-    Outcome,
-    Permit,
-    PlannerView,
-    PointOfInterest,
-    PoseEstimate,
-    Status,
-    Trajectory,
-)
+from common.messages.health import Status
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
+from common.messages.mission import Outcome, PlannerView
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.stop import Permit
+from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, STATUS, TRAJECTORY
 from common.modules import SPECIFIED
 from offboard.runs import run_folder
 from offboard.visualizer.feed import Feed, Held

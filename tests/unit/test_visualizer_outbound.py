@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.messages import MAP, POSE, TRAJECTORY, MapUpdate, PoseEstimate, Trajectory
+from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
+from common.messages.topics import MAP, POSE, TRAJECTORY
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.outbound import WINDOW_BYTES, Outbound
 from offboard.visualizer.protocol import PIECE_BYTES, text_message

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.messages import Operation
+from common.messages.mission import Operation
 from offboard.visualizer.requests import BadRequest, Confirmation, Order, Replay, parse
 
 TOKEN = "secret"

@@ -21,7 +21,9 @@ from websockets.sync.client import ClientConnection, connect
 
 from common.bus import LocalMesh
 from common.errors import StartError
-from common.messages import GRID, MAP, POI, POSE, STATUS, GridUpdate, MapUpdate, PointOfInterest, PoseEstimate
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate
+from common.messages.points_of_interest import PointOfInterest
+from common.messages.topics import GRID, MAP, POI, POSE, STATUS
 from offboard.export import map_picture
 from offboard.export.title import TitleBlock
 from offboard.runs.run_folder import MapData

@@ -16,24 +16,11 @@ from common import bundle
 from common.clock import Announcements, FreeClock
 from common.config import Config, MeshSection, apart
 from common.errors import StartError
-from common.messages import (
-    GRID,
-    MAP,
-    OPERATION,
-    PERMIT,
-    POSE,
-    STATUS,
-    STOP,
-    GridUpdate,
-    MapUpdate,
-    Operation,
-    OperatorCommand,
-    Permit,
-    PoseEstimate,
-    Status,
-    StopRequest,
-    Topic,
-)
+from common.messages.health import Status
+from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.stop import Permit, StopRequest
+from common.messages.topics import GRID, MAP, OPERATION, PERMIT, POSE, STATUS, STOP, Topic
 from common.zenoh_bus import LOST_S, ZenohBus
 from common.zenoh_session import Channel, direct, session_config
 from deploy.local.ports import reserve_port

@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Button, Input, SelectionList, Static
 
-from common.messages import Operation
+from common.messages.mission import Operation
 from common.mission_state import effect, hindrance
 from offboard.command_center.command_center import MESSAGE_TOPICS
 from offboard.command_center.places import UnknownPlace, find_place

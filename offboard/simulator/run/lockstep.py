@@ -18,7 +18,8 @@ from common.bus import LocalBus, LocalMesh
 from common.config import Config, with_camera
 from common.errors import StartError
 from common.memory import keep_what_is_there
-from common.messages import OPERATION, PERMIT, PLAN, Operation, OperatorCommand, Outcome, PlannerView, Topic
+from common.messages.mission import Operation, OperatorCommand, Outcome, PlannerView
+from common.messages.topics import OPERATION, PERMIT, PLAN, Topic
 from common.node import Agenda, FileNode, Node
 from offboard.evaluate.run_text import HEADLINE, figures, progress
 from offboard.evaluate.summary import RunFacts, StepTimes, write_summary

@@ -21,7 +21,7 @@ from typing import Any
 from common.bus import Bus
 from common.config import Config
 from common.errors import StartError
-from common.messages import Topic
+from common.messages.topics import Topic
 from common.process import argument_parser
 from offboard.runs.run_folder import TRUTH_NAME, LineFile, tum_line
 from offboard.simulator.camera.frame_server import FrameServer

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from common.bus import Bus, LocalBus, LocalMesh, P
-from common.messages import LAPTOP_RECORDED, OUTBOX, OutboxPiece, Topic
+from common.messages.delivery import OutboxPiece
+from common.messages.topics import LAPTOP_RECORDED, OUTBOX, Topic
 from common.recording import RecordedMessage
 from common.side_work import Work
 from offboard.recorder.recorder import Recorder

@@ -21,19 +21,9 @@ from common.bus import Bus, alive_and_valid
 from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M, POSE_RATE_HZ
 from common.errors import ErrorCode
 from common.geometry import Points, Pose2, wrap_angle
-from common.messages import (
-    DRIVE,
-    ODOMETRY,
-    OPERATION,
-    PERMIT,
-    PLAN,
-    DriveCommand,
-    Operation,
-    Outcome,
-    PlannerView,
-    Speed,
-    Topic,
-)
+from common.messages.mission import Operation, Outcome, PlannerView
+from common.messages.motion import DriveCommand, Speed
+from common.messages.topics import DRIVE, ODOMETRY, OPERATION, PERMIT, PLAN, Topic
 from common.status import StatusReporter
 from offboard.simulator.building.floor import Floor
 from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing

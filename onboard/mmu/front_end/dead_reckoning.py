@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.geometry import Pose2, wrap_angle
-from common.messages import Odometry
+from common.messages.motion import Odometry
 from onboard.mmu.front_end.odometry import OdometryFilter
 
 # The sensitivity was not measured

@@ -13,7 +13,7 @@ import numpy as np
 
 from common.constants import TICK_M, WHEEL_TRACK_M
 from common.geometry import FloatArray, Pose2, wrap_angle
-from common.messages import Odometry
+from common.messages.motion import Odometry
 from onboard.mmu.front_end.kalman import ExtendedKalmanFilter
 from onboard.mmu.front_end.wheel_slip import WheelSlip
 

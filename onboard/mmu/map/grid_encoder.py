@@ -10,7 +10,7 @@ import zlib
 from copy import copy
 
 from common.fields import GRID_CELLS_MAX
-from common.messages import GridUpdate
+from common.messages.mapping import GridUpdate
 from onboard.mmu.map.occupancy import CELL_M, OccupancyGrid
 
 CELLS_AT_ONCE = 100_000  # in a step: bounds its time, see `indoor-mapping bench mapping`

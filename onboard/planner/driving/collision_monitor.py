@@ -20,7 +20,7 @@ from common.constants import (
     SONAR_FRONT_RIGHT,
     SPEED_MEDIUM_M_S,
 )
-from common.messages import Speed
+from common.messages.motion import Speed
 
 REACTION_S = 0.25  # age of a range and of a command
 BRAKING_M_S2 = 0.3

@@ -8,7 +8,9 @@ from dataclasses import replace
 from common.bus import Bus
 from common.constants import ANGLE_ERROR_RAD, POSE_RATE_HZ
 from common.geometry import wrap_angle
-from common.messages import DRIVE, DriveCommand, PoseEstimate, Speed
+from common.messages.mapping import PoseEstimate
+from common.messages.motion import DriveCommand, Speed
+from common.messages.topics import DRIVE
 from common.pace import Pace
 from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
 from onboard.planner.grid.view import Motion

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from common.messages import PoiCommand, Speed
+from common.messages.motion import Speed
+from common.messages.points_of_interest import PoiCommand
 
 HOLD_MAX_S = 30.0
 

@@ -13,7 +13,7 @@ from math import inf
 import numpy as np
 
 from common.geometry import Pose2
-from common.messages import GridUpdate
+from common.messages.mapping import GridUpdate
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, FrontierMemory
 from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid, Offer, PlanTours

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.geometry import Points, Pose2
-from common.messages import GridUpdate
+from common.messages.mapping import GridUpdate
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, groups, together, worth_a_visit
 from onboard.planner.exploration.recovery_memory import Places, blocked_cells
 from onboard.planner.exploration.unknown_floor import UnknownFloor

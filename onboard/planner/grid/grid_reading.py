@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import GridUpdate
+from common.messages.mapping import GridUpdate
 from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, GridMap, close_slivers
 
 MARGIN_CELLS = 4  # around what is known

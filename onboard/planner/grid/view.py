@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from common.geometry import Points, Pose2
-from common.messages import Speed
+from common.messages.motion import Speed
 from common.wall_points import WallPointMap
 from onboard.planner.grid.grid_map import GridMap
 

@@ -12,7 +12,8 @@ from dataclasses import replace
 from math import atan2, cos, inf, pi, sin
 
 from common.geometry import Pose2, wrap_angle
-from common.messages import GridUpdate, Speed
+from common.messages.mapping import GridUpdate
+from common.messages.motion import Speed
 from onboard.planner.driving.hall_following import HallFollowing
 from onboard.planner.driving.looking import HEADING_REACHED_RAD, TURN_TIMEOUT_S, Looking
 from onboard.planner.exploration import frontiers

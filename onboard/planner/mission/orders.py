@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from common.messages import Operation, OperatorCommand, Permit
+from common.messages.mission import Operation, OperatorCommand
+from common.messages.stop import Permit
 from onboard.planner.mission.table import Event, Step
 
 ANSWERED_KEPT = 16  # commands whose repeats are known as such

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from common.messages import Outcome
+from common.messages.mission import Outcome
 from common.mission_state import ENDED, NOT_PAUSED, PAUSED_ALREADY, STARTED_ALREADY, STILL_PAUSED
 
 

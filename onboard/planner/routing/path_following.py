@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, hypot, radians, sin
 
 from common.geometry import Pose2, wrap_angle
-from common.messages import Speed
+from common.messages.motion import Speed
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.routing.route_planning import straight_is_clear
 

@@ -10,7 +10,7 @@ import bisect
 from math import hypot, inf
 
 from common.geometry import Pose2, wrap_angle
-from common.messages import PoseEstimate
+from common.messages.mapping import PoseEstimate
 
 KEPT = 600  # poses, one minute
 EXTRAPOLATED_MAX_S = 0.25  # 4 cm at mapping speed

@@ -10,7 +10,7 @@ from math import cos, pi
 import numpy as np
 
 from common.geometry import Points, Pose2, principal_axis, wrap_angle
-from common.messages import MapUpdate
+from common.messages.mapping import MapUpdate
 from common.wall_points import WallPointMap
 from onboard.poi.placement.wall_line import WallPoint
 

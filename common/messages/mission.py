@@ -1,0 +1,81 @@
+"""The mission: a person's orders, the planner's view of it, its outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from common.fields import (
+    Blacklisted,
+    CommandId,
+    Count,
+    Epoch,
+    Metres,
+    PathPoints,
+    Seconds,
+    SquareMetres,
+    Text,
+    Word,
+)
+
+
+class Outcome(Enum):
+    """How the newest order to the Planner ended (onboard/planner/mission/table.py)."""
+
+    NONE = "none"  # not ended, or none was given
+    FINISHED = "finished"  # everything that can be reached is explored, and the robot is home
+    HOME = "home"  # sent home before that, and there
+    ARRIVED = "arrived"  # at the place of a goto
+    GAVE_UP = "gave up"  # no path led there for too long
+    NEEDS_HELP = "needs help"  # no way home for too long: somebody has to come
+    STOPPED = "stopped"  # a latched stop holds it; it goes on after release and resume
+
+    @property
+    def ends_mission(self) -> bool:
+        """Is the run over, as far as the robot is concerned?"""
+        return self in (Outcome.FINISHED, Outcome.HOME, Outcome.GAVE_UP, Outcome.NEEDS_HELP)
+
+    @property
+    def exit_code(self) -> int:
+        """Of a run that ended like this."""
+        return {Outcome.FINISHED: 0, Outcome.HOME: 0, Outcome.NEEDS_HELP: 3}.get(self, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerView:
+    """The Planner's state, for people: mode, planned path, length of the list of side halls."""
+
+    t_s: Seconds
+    mode: Word
+    detail: Text
+    path_m: PathPoints
+    halls_open: Count
+    area_m2: SquareMetres
+    outcome: Outcome = Outcome.NONE
+    valid: bool = True
+    command_id: CommandId = 0  # of the newest OperatorCommand that was answered
+    refused: bool = False  # that command does nothing
+    note: Text = ""  # what its sender should read about it
+    paused: bool = False  # by an operator
+    blacklisted: Blacklisted = ()  # places that the newest exploration left out, each with its reason
+
+
+class Operation(Enum):
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    HOME = "home"
+    GOTO = "goto"
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorCommand:
+    """An operator's command to the mission."""
+
+    t_s: Seconds
+    operation: Operation
+    x_m: Metres = 0.0
+    y_m: Metres = 0.0
+    valid: bool = True
+    command_id: CommandId = 0  # repeated with the same one until PlannerView acknowledges it; 0 = not acknowledged
+    epoch: Epoch = 0  # of a resume: the stop epoch after which the robot may go on
