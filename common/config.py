@@ -1,4 +1,4 @@
-"""`robot.toml` -> one frozen, typed configuration; an unknown key or a wrong type is an error, never ignored.
+"""What `robot.toml` holds: one frozen, typed configuration, a dataclass for each section (`config_file` reads it).
 
 Every process reads the same file. What the file leaves out takes the value written here; physical numbers come from
 `constants`. A further section is a further dataclass here and a field of `Config`; what a value must be besides its
@@ -9,11 +9,9 @@ type is annotated with `rules`, a number always with its limits. The text below 
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from dataclasses import dataclass, field
 from math import degrees, pi, radians
-from pathlib import Path
-from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, cast
 
 from common.constants import (
     CAMERA_FIELD_OF_VIEW_RAD,
@@ -24,17 +22,13 @@ from common.constants import (
     WHEEL_DIAMETER_M,
     WHEEL_TRACK_M,
 )
-from common.errors import StartError
 from common.messages.topics import STATUS
 from common.modules import OFFBOARD, PACKAGES, Board, on
 from common.number_presets import PRESETS
-from common.rules import Between, Count, Form, Names, OnPlate, Pattern, Rule
-from common.text_file import read_text
+from common.rules import Between, Count, Form, Names, OnPlate, Pattern
 
 # Sections of the computers that run processes
 BOARDS = {"beaglebone": Board.BEAGLEBONE, "raspberry": Board.RASPBERRY, "laptop": Board.LAPTOP}
-TEXT_MAX = 1000  # characters; no path is longer
-LIST_MAX = 1000
 
 _HOST = r"[A-Za-z0-9._:\[\]%-]+"
 _LENGTH_M = Between(0.01, 2.0)
@@ -50,10 +44,6 @@ _PROCESS = Form(
 _SSH = Form(r"([A-Za-z0-9_][A-Za-z0-9_.-]*@)?[A-Za-z0-9][A-Za-z0-9._-]*|", 'must be "USER@HOST" or "HOST"')
 _PLATFORM = Form("armv7l|aarch64|x86_64", 'must be "armv7l", "aarch64" or "x86_64"')
 _LABEL = "[A-Za-z0-9_-]{1,63}"
-
-
-class ConfigError(StartError):
-    """The configuration cannot be used: one sentence with file, key and what is expected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,108 +221,3 @@ def with_camera(config: Config) -> Config:
     """The configuration of a robot that has a camera: without the POI module nothing moves either."""
     required = tuple(dict.fromkeys((*config.comm.required, "poi")))
     return dataclasses.replace(config, comm=dataclasses.replace(config.comm, required=required))
-
-
-_NAMES = {str: "text in quotes", int: "a whole number", float: "a number", bool: "true or false"}
-
-
-def _convert(value: Any, hint: Any, where: str) -> Any:
-    kind: Any = hint
-    rules: list[Rule] = []
-    if get_origin(hint) is Annotated:
-        kind, *rules = get_args(hint)
-    if get_origin(kind) is tuple:
-        value = _convert_list(value, get_args(kind)[0], where)
-    elif type(value) is not kind and (kind, type(value)) != (float, int):
-        raise ConfigError(f"{where} must be {_NAMES[kind]}.")
-    elif kind is str and (len(value) > TEXT_MAX or not value.isprintable()):
-        raise ConfigError(f"{where} must be one line of at most {TEXT_MAX} characters.")
-    # Before a whole number becomes a float, which has limits of its own
-    for rule in rules:
-        complaint = rule.complaint(value)
-        if complaint:
-            raise ConfigError(f"{where} {complaint}.")
-    return float(value) if kind is float else value
-
-
-def _convert_list(value: Any, hint: Any, where: str) -> tuple[Any, ...]:
-    if not isinstance(value, list) or len(value) > LIST_MAX:
-        kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-        raise ConfigError(f"{where} must be a list, each {_NAMES[kind]}, of at most {LIST_MAX}.")
-    return tuple(_convert(v, hint, f"{where}[{i}]") for i, v in enumerate(value))
-
-
-def _section(default: Any, table: Any, where: str) -> Any:
-    """The default with what the table has: the sections of the boards are of one kind, with defaults of their own."""
-    if not isinstance(table, dict):
-        raise ConfigError(f"{where} must be a section, written [{where.split()[-1]}].")
-    hints = get_type_hints(type(default), include_extras=True)
-    for key in table:
-        if key not in hints:
-            raise ConfigError(f"{where}.{key} is not known; the keys there are {', '.join(hints)}.")
-    values = {key: _convert(value, hints[key], f"{where}.{key}") for key, value in table.items()}
-    return dataclasses.replace(default, **values)
-
-
-def _check(config: Config, file: str) -> None:
-    """What joins two keys."""
-    for key, endpoint in (("listen", config.mesh.listen), ("robot", config.mesh.robot)):
-        if endpoint and not config.mesh.keys:
-            raise ConfigError(
-                f"{file}: mesh.{key} needs mesh.keys, the folder that `indoor-mapping deploy keys` makes."
-            )
-
-    modules = [module for process in config.processes for module in process.split("+")]
-    twice = next((module for module in modules if modules.count(module) > 1), None)
-    if twice is not None:
-        raise ConfigError(f"{file}: processes of the boards name {twice} twice; every module runs once.")
-    missing = [module for module in PACKAGES if module not in modules]
-    if missing:
-        raise ConfigError(
-            f"{file}: no board has {' or '.join(missing)} among its processes; every module must run somewhere."
-        )
-
-
-def parse_config(text: str, file: str = "robot.toml") -> Config:
-    """The configuration in `text`; raises ConfigError, which names `file`."""
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{file} is no valid TOML: {error}.") from error
-    hints = get_type_hints(Config)
-    for name in tables:
-        if name not in hints:
-            raise ConfigError(f"{file}: section [{name}] is not known; the sections are {', '.join(hints)}.")
-    defaults = Config()
-    sections = {name: _section(getattr(defaults, name), table, f"{file}: {name}") for name, table in tables.items()}
-    config = Config(**sections)
-    _check(config, file)
-    return config
-
-
-def load_config(path: Path | None) -> Config:
-    """The configuration in a file, or all defaults for None; raises ConfigError."""
-    if path is None:
-        return Config()
-    return parse_config(read_text(path, f"The configuration {path}", ConfigError, "TOML"), str(path))
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    return repr(value)
-
-
-def config_text(config: Config) -> str:
-    """The configuration as `robot.toml` holds it: `parse_config` reads it back to the same values."""
-    lines: list[str] = []
-    for section in dataclasses.fields(config):
-        values = getattr(config, section.name)
-        lines.append(f"[{section.name}]")
-        lines.extend(f"{f.name} = {_toml(getattr(values, f.name))}" for f in dataclasses.fields(values))
-        lines.append("")
-    return "\n".join(lines)

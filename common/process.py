@@ -22,7 +22,8 @@ import zenoh
 from common import service_notify
 from common.bus import Bus
 from common.clock import Announcements, Clock, FollowerClock, FreeClock, LeaderClock
-from common.config import Config, load_config
+from common.config import Config
+from common.config_file import load_config
 from common.errors import StartError, sentence
 from common.memory import keep_what_is_there
 from common.messages.health import ClockAck, ClockTick

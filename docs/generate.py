@@ -19,7 +19,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from common.config import Config, config_text
+from common.config import Config
+from common.config_file import config_text
 from common.errors import ERRORS
 from common.messages.health import LogLine, Status
 from common.messages.topics import INTERNAL_FLOWS, TOPICS, Topic

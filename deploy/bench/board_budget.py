@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from common.clock import FreeClock
-from common.config import load_config
+from common.config_file import load_config
 from common.messages.topics import TOPICS
 from common.zenoh_bus import ZenohBus
 from deploy.bench.mission import HERE, Mission

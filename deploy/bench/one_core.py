@@ -20,7 +20,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from common.clock import FreeClock
-from common.config import Config, load_config
+from common.config import Config
+from common.config_file import load_config
 from common.messages.mission import Operation
 from common.messages.stop import Permit
 from common.messages.topics import PERMIT, PLAN

@@ -15,7 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, config_text
+from common.config import BridgeSection, Config, MeshSection
+from common.config_file import config_text
 from common.constants import STARTUP_GRACE_S
 from common.messages.mission import Operation
 from common.messages.points_of_interest import PointOfInterest

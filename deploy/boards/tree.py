@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 from importlib.metadata import distributions
 from pathlib import Path
 
-from common.config import BoardSection, Config, config_text
+from common.config import BoardSection, Config
+from common.config_file import config_text
 from common.errors import StartError
 from common.release import RELEASE_FILE
 from deploy.boards.layout import KEYS, boards_in_use, modules_on

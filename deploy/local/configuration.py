@@ -5,15 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from common.config import (
-    BridgeSection,
-    Config,
-    MeshSection,
-    VisualizerSection,
-    apart,
-    config_text,
-    with_camera,
-)
+from common.config import BridgeSection, Config, MeshSection, VisualizerSection, apart, with_camera
+from common.config_file import config_text
 from common.node_loop import STEPS_SUFFIX
 from deploy.local.ports import refuse_second_mesh, reserve_port, usual_port
 from deploy.local.process_table import SIMULATOR

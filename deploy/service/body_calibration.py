@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from common.config import Config, load_config
+from common.config import Config
+from common.config_file import load_config
 from common.errors import StartError
 from deploy.boards.board_session import BoardSession
 from deploy.service.config_file import write_config

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from common.config import Config, config_text, parse_config
+from common.config import Config
+from common.config_file import config_text, parse_config
 from offboard.runs.run_folder import write_atomically
 
 

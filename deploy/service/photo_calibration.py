@@ -6,7 +6,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from common.config import Config, load_config
+from common.config import Config
+from common.config_file import load_config
 from common.errors import StartError
 from deploy.service.config_file import write_config
 from onboard.poi.camera.calibration import field_of_view_deg

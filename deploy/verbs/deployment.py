@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from common.config import Config, load_config
+from common.config import Config
+from common.config_file import load_config
 from common.errors import StartError
 from deploy.boards import checks, fleet, services
 from deploy.boards.fleet import Fleet, Refused, open_fleet

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from common.config import Config, load_config
+from common.config import Config
+from common.config_file import load_config
 from common.errors import StartError
 from deploy.boards.flash import flash_here, flash_on
 from deploy.boards.fleet import open_fleet

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from common.config import load_config
+from common.config_file import load_config
 from common.errors import StartError
 from common.process import argument_parser
 from deploy.local.process_table import PROCESSES, program_of

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from common.clock import FreeClock
-from common.config import load_config
+from common.config_file import load_config
 from common.errors import StartError
 from common.messages.mission import Operation
 from common.messages.topics import CARRIER, PERMIT, PLAN

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from common.config import load_config
+from common.config_file import load_config
 from common.errors import StartError
 from deploy.boards.board_session import BoardSession
 from deploy.service.body_calibration import calibrate_gyro, calibrate_wheels

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from common.config import load_config
+from common.config_file import load_config
 from common.errors import StartError, sentence
 
 if TYPE_CHECKING:

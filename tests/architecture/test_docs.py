@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from common.config import Config, parse_config
+from common.config import Config
+from common.config_file import parse_config
 from common.messages.topics import TOPICS
 from docs.generate import PARTS, expected, sample
 from tests.architecture.project import PACKAGES, ROOT, is_ours, text_files

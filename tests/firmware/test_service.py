@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from common.config import Config, config_text, load_config
+from common.config import Config
+from common.config_file import config_text, load_config
 from common.errors import StartError
 from common.geometry import Pose2, wrap_angle
 from common.messages.motion import Speed

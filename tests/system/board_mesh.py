@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from common.clock import FreeClock
-from common.config import load_config
+from common.config_file import load_config
 from common.messages.topics import PERMIT
 from common.zenoh_bus import ZenohBus
 from deploy.local.process_table import program_of

@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection, apart, config_text
+from common.config import BridgeSection, Config, MeshSection, apart
+from common.config_file import config_text
 from common.environment import PROCESS_ENVIRONMENT
 from common.messages.stop import Permit
 from common.messages.topics import ODOMETRY, PERMIT

@@ -17,16 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from common.config import (
-    BoardSection,
-    BridgeSection,
-    Config,
-    MeshSection,
-    PoiSection,
-    VisualizerSection,
-    config_text,
-    with_camera,
-)
+from common.config import BoardSection, BridgeSection, Config, MeshSection, PoiSection, VisualizerSection, with_camera
+from common.config_file import config_text
 from common.messages.mission import PlannerView
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import PROCESSES

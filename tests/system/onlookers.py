@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from common.clock import FreeClock
-from common.config import load_config
+from common.config_file import load_config
 from common.messages.topics import ODOMETRY, STATUS
 from common.zenoh_bus import ZenohBus
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.bus import Bus
-from common.config import config_text
+from common.config_file import config_text
 from common.messages.mapping import MapUpdate
 from common.messages.topics import MAP, ROBOT_RECORDED
 from offboard.runs.map_assembly import MapAssembly

@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.config import BridgeSection, Config, MeshSection, config_text
+from common.config import BridgeSection, Config, MeshSection
+from common.config_file import config_text
 from common.messages.topics import ODOMETRY, RANGES
 from deploy.boards.layout import CURRENT, PYTHONPATH
 from deploy.boards.tree import assemble

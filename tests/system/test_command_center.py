@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 
 from common.clock import FreeClock
-from common.config import Config, RobotSection, load_config
+from common.config import Config, RobotSection
+from common.config_file import load_config
 from common.errors import StartError
 from common.messages.health import Status
 from common.messages.mission import Operation

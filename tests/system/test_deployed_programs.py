@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from common.clock import FreeClock
-from common.config import BoardSection, BridgeSection, Config, MeshSection, PoiSection, config_text
+from common.config import BoardSection, BridgeSection, Config, MeshSection, PoiSection
+from common.config_file import config_text
 from common.messages.topics import PERMIT, STATUS
 from common.zenoh_bus import ZenohBus
 from deploy.boards import layout

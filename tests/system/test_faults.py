@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from common.clock import FreeClock
-from common.config import load_config
+from common.config_file import load_config
 from common.messages.health import Status
 from common.messages.stop import Permit
 from common.messages.topics import LAPTOP_RECORDED, PERMIT, PLAN, ROBOT_RECORDED, TOPICS, Topic

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from common.config import BoardSection, BridgeSection, Config, config_text
+from common.config import BoardSection, BridgeSection, Config
+from common.config_file import config_text
 from deploy.boards.layout import RUNTIME, UNITS, unit_name
 from deploy.cli import main
 from onboard.comm.permit_file import GRANTED, NAME, WITHHELD

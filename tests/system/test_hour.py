@@ -19,7 +19,8 @@ from pathlib import Path
 
 import pytest
 
-from common.config import PoiSection, VisualizerSection, config_text, with_camera
+from common.config import PoiSection, VisualizerSection, with_camera
+from common.config_file import config_text
 from common.messages.mission import Operation, OperatorCommand
 from common.messages.topics import OPERATION, PLAN, POSE, STATUS
 from deploy.local.ports import reserve_port

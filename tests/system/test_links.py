@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.config import CommSection, VisualizerSection, config_text, with_camera
+from common.config import CommSection, VisualizerSection, with_camera
+from common.config_file import config_text
 from common.messages.mission import Operation, OperatorCommand
 from common.messages.topics import OPERATION, PLAN, STATUS
 from deploy.local.ports import reserve_port

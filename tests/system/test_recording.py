@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from common.clock import FreeClock
-from common.config import load_config
+from common.config_file import load_config
 from common.errors import ErrorCode
 from common.messages.topics import LAPTOP_RECORDED, POSE, ROBOT_RECORDED, STATUS, TOPICS
 from common.recording import MESSAGE_BYTES_MAX

@@ -17,7 +17,7 @@ import pytest
 import zenoh
 
 from common.codec import encode
-from common.config import config_text
+from common.config_file import config_text
 from common.constants import PERMIT_RATE_HZ
 from common.keys import AUTHORITY
 from common.messages.mission import Operation, OperatorCommand

@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 
 from common.clock import FREE_LEASE_S
-from common.config import CommSection, config_text
+from common.config import CommSection
+from common.config_file import config_text
 from common.messages.health import Status
 from common.messages.mission import Operation
 from common.messages.motion import Speed

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from common.clock import FreeClock
-from common.config import VisualizerSection, config_text
+from common.config import VisualizerSection
+from common.config_file import config_text
 from common.messages.mapping import MapUpdate, PoseEstimate
 from common.messages.mission import Operation
 from common.messages.topics import MAP, OPERATION, PERMIT, POSE, STATUS

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.config import BridgeSection, Config, ConfigError, RobotSection, config_text, load_config, parse_config
+from common.config import BridgeSection, Config, RobotSection
+from common.config_file import ConfigError, config_text, load_config, parse_config
 from common.constants import SONAR_BEARINGS_RAD
 
 

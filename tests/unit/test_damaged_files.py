@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 import pytest
 
-from common.config import Config, config_text, load_config, parse_config
+from common.config import Config
+from common.config_file import config_text, load_config, parse_config
 from common.errors import StartError, sentence
 from common.zenoh_session import main_channel
 from deploy import cli

@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 import pytest
 
-from common.config import PoiSection, load_config
+from common.config import PoiSection
+from common.config_file import load_config
 from common.errors import StartError
 from common.geometry import Pose2
 from deploy.cli import main

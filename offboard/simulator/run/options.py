@@ -7,7 +7,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from common.config import PoiSection, load_config
+from common.config import PoiSection
+from common.config_file import load_config
 from common.errors import StartError
 from common.json_reader import load_json
 from offboard.runs.run_folder import SETTINGS_NAME, TRAJECTORY_NAME, write_json
