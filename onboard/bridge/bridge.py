@@ -9,53 +9,43 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Callable, Iterator
-from dataclasses import fields
-from operator import attrgetter
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from common.bus import Bus
 from common.config import Config
-from common.constants import HEARTBEAT_PERIOD_S, PERMIT_TIMEOUT_S
+from common.constants import PERMIT_TIMEOUT_S
 from common.errors import ErrorCode
-from common.messages.motion import CarrierReport, DriveCommand, Speed
+from common.messages.motion import CarrierReport
 from common.messages.topics import CARRIER, DISTANCES, DRIVE, ODOMETRY, PERMIT, RANGES, STATUS, STOP, Topic
-from common.pace import Pace
 from common.status import StatusPace, StatusReporter
-from onboard.bridge import protocol, translation
+from onboard.bridge import translation
+from onboard.bridge.board_orders import BoardOrders, Wanted
 from onboard.bridge.motion_gate import MotionGate
 from onboard.bridge.protocol import (
     STOP_BYTE,
     CarSta,
     CarState,
     Dst,
-    Hb,
     Message,
     Odo,
-    Rel,
     Rng,
     SimSta,
     SimState,
-    Start,
-    Stop,
     Stp,
 )
 from onboard.bridge.serial_link import LinkState, SerialLink
 from onboard.bridge.serial_port import Port, SerialLost, SerialPort
 
-REPEAT_S = 0.1  # until the board confirms
 NOISE_LINES = 10  # damaged lines within NOISE_WINDOW_S that are worth a warning
 
-_WORKING = (CarState.READY, CarState.MOVING, CarState.BACKING_OFF)
 _DRIVING_OR_STANDING = (("car", CarState.READY.name), ("car", CarState.MOVING.name))  # alternate at every turn
 # From the first byte to the step that takes it. A period's reports stand on the wire within 19 ms, odometry and ranges
 # in their last 8; a line that comes alone, soon after them, is of something that has changed
 _BURST_S, _LINE_S = 0.022, 0.003
 _BETWEEN_BURSTS_S = 0.06  # since the step that took one: the next one has not begun
 _JUST_AFTER_S = 0.001  # after its timeout a permit counts no longer, not at it
-_order = attrgetter(*(field.name for field in fields(DriveCommand) if field.name != "t_s"))
 P = TypeVar("P")
-_Wanted = tuple[Pace, Message | None]
 
 _log = logging.getLogger("bridge")
 
@@ -70,6 +60,7 @@ class Bridge:
     def __init__(self, port_factory: Callable[[], Port]) -> None:
         self._link = SerialLink(port_factory, self._forget_board)
         self._gate = MotionGate()
+        self._orders = BoardOrders(self._gate)
         self._may_move = False
         self._sim: SimSta | None = None
         self._car: CarSta | None = None
@@ -80,11 +71,6 @@ class Bridge:
         self._heartbeat_counts = {"sim": 0, "car": 0}
         self._logged: dict[str, tuple[str, int]] = {}
         self._car_pace, self._car_error = StatusPace(), 0
-        self._drive: DriveCommand | None = None
-        self._dropped: tuple[int, int] | None = None  # boot and id of the command that must not be begun any more
-        self._heartbeat, self._heartbeats = Pace(HEARTBEAT_PERIOD_S), 0
-        self._stopping, self._arming, self._driving = Pace(REPEAT_S), Pace(REPEAT_S), Pace(REPEAT_S)
-        self._teaching = Pace(REPEAT_S)
         self._status = StatusReporter(self.name)
 
     def fileno(self) -> int | None:
@@ -102,7 +88,7 @@ class Bridge:
                 self._publish(bus, message, t_s)
             if received:
                 self._judge(bus, now_s)
-            wanted = tuple(self._wanted()) if self._link.connected else ()
+            wanted = self._wanted()
             self._command(wanted, now_s)
         except SerialLost as error:
             self._link.close(str(error))
@@ -125,9 +111,9 @@ class Bridge:
             self._gate.request(request)
         self._judge(bus, now_s)
         for command in bus.take(DRIVE):
-            self._take_drive(command)
+            self._orders.take_drive(command)
         if not self._may_move:
-            self._forget_drive()
+            self._orders.forget_drive()
 
     def _judge(self, bus: Bus, now_s: float) -> None:
         """Whether the robot may move; where it no longer may, the board knows at once."""
@@ -136,37 +122,21 @@ class Bridge:
         if may_move != self._may_move:
             _log.info("may_move=%s stop_sources=%s", may_move, sorted(self._gate.stop_sources))
             self._may_move = may_move
-            self._stopping.reset()
-            self._arming.reset()
+            self._orders.begin_anew()
             if not may_move and self._link.connected:
                 self._send_stop(now_s)
         if not may_move:
-            self._forget_drive()
-
-    def _take_drive(self, command: DriveCommand) -> None:
-        """What repeats the command in force keeps its pace; a command to stand is held back by nothing else."""
-        if self._drive is not None and _order(command) == _order(self._drive):
-            return
-        sound = command.valid and (command.boot, command.command_id) != self._dropped
-        if command.speed is Speed.STOP or sound:
-            self._drive = command
-            self._driving.reset()
-
-    def _forget_drive(self) -> None:
-        """Neither a release nor a board that is back starts motion by itself: that takes another command."""
-        if self._drive is not None:
-            self._dropped = self._drive.boot, self._drive.command_id
-        self._drive = None
+            self._orders.forget_drive()
 
     def _send_stop(self, now_s: float) -> None:
-        if self._stopping.due(now_s):
+        if self._orders.stop_due(now_s):
             self._link.write(STOP_BYTE)
 
     # --- from the board
 
     def _forget_board(self) -> None:
         self._sim = self._car = self._stop = None
-        self._forget_drive()
+        self._orders.forget_drive()
 
     def _publish(self, bus: Bus, message: Message, t_s: float) -> None:
         match message:
@@ -231,53 +201,18 @@ class Bridge:
 
     # --- to the board
 
-    def _command(self, wanted: tuple[_Wanted, ...], now_s: float) -> None:
-        lines: list[Message] = []
-        for pace, message in wanted:
-            if not pace.due(now_s):
-                continue
-            if message is None:
-                self._link.write(STOP_BYTE)
-            else:
-                lines.append(message)
-            self._heartbeats += pace is self._heartbeat
-        self._link.send(lines, now_s)
+    def _wanted(self) -> tuple[Wanted, ...]:
+        if not self._link.connected:
+            return ()
+        return tuple(self._orders.wanted(self._car, self._stop, may_move=self._may_move))
 
-    def _wanted(self) -> Iterator[_Wanted]:
-        """What the board is to receive, again and again until its reports show that it has; None is the stop byte."""
-        car, epoch = self._car, self._gate.epoch
-        if not self._may_move:
-            if car is not None and self._stop is not None:
-                yield from self._hold(car, self._stop)
-            return
-        yield self._heartbeat, Hb((self._heartbeats + 1) % 65536, epoch)
-        if car is None or self._stop is None:
-            return  # the stop that it holds may be one that nobody knows yet
-        if car.stop_latched:
-            yield self._arming, Rel(epoch)
-        elif car.state == CarState.DISARMED:
-            yield self._arming, Start(protocol.HASH, epoch)
-        elif (command := self._undelivered(car)) is not None:
-            yield self._driving, translation.drive_line(command)
+    def _command(self, wanted: tuple[Wanted, ...], now_s: float) -> None:
+        due = self._orders.due(wanted, now_s)
+        if None in due:
+            self._link.write(STOP_BYTE)
+        self._link.send([message for message in due if message is not None], now_s)
 
-    def _undelivered(self, car: CarSta) -> DriveCommand | None:
-        """What a working board neither has nor has given up; a command to stand is given up by nobody."""
-        command = self._drive
-        if command is None or car.state not in _WORKING:
-            return None
-        given_up = car.aborted_id == command.command_id and command.speed is not Speed.STOP
-        known = car.boot == command.boot and (car.command_id == command.command_id or given_up)
-        return None if known else command
-
-    def _hold(self, car: CarSta, stop: Stp) -> Iterator[_Wanted]:
-        """The board stands, and knows the newest stop too."""
-        stopped = bool(self._gate.stop_sources)
-        if (stopped or car.state in _WORKING) and not car.stop_latched:
-            yield self._stopping, None
-        if stopped and stop.epoch < self._gate.epoch:
-            yield self._teaching, Stop(self._gate.epoch)
-
-    def _due_s(self, bus: Bus, now_s: float, wanted: tuple[_Wanted, ...]) -> float:
+    def _due_s(self, bus: Bus, now_s: float, wanted: tuple[Wanted, ...]) -> float:
         """When something is to be done though nothing arrives."""
         due_s = min(self._status.latest_s, self._link.due_s)
         if not self._link.connected:
