@@ -50,9 +50,10 @@ from onboard.planner.grid.deliberation import BESIDE, Deliberator, Query
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.grid_reading import GridError
 from onboard.planner.grid.view import Motion, View
-from onboard.planner.mission.mission import Mission, has_floor
+from onboard.planner.mission.mission import Mission
 from onboard.planner.mission.orders import Orders
 from onboard.planner.mission.table import BLOCKED, Event
+from onboard.planner.routing.destination import has_floor
 
 VIEW_PERIOD_S = 0.5
 PATH_SHOWN_MAX = 2_000  # waypoints
@@ -119,7 +120,7 @@ class Planner:
                 error = ErrorCode.EMERGENCY_ROUTINE
             elif self._mission.mode in BLOCKED:
                 error = ErrorCode.BLOCKED
-        for note in self._mission.take_notes():
+        for note in self._mission.log.take():
             _log.info("%s", note)
         self._put(self._mission.pending.take(), now_s)
         self._report(bus, now_s, error)
@@ -139,7 +140,7 @@ class Planner:
         self._grid_update = None
         self._revision_queried += 1
         here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-        self._put(self._mission.query_about(self._revision_queried, here, newest), now_s)
+        self._put(self._mission.frontiers.query(self._revision_queried, here, newest), now_s)
 
     def _put(self, query: Query | None, now_s: float) -> None:
         if query is not None:
@@ -161,7 +162,7 @@ class Planner:
         judged = self._next_grid
         if judged is not None and not self._mission.pending.open:
             self._next_grid, self._grid, self._grid_revision = None, judged.grid, judged.revision
-            self._mission.take_in(judged)
+            self._mission.frontiers.take_in(judged)
 
     def _begin_deliberating_anew(self, error: Exception) -> None:
         """What answers has lost the grids: the robot stands until the next one was read."""
@@ -279,16 +280,16 @@ class Planner:
             PlannerView(
                 now_s,
                 mission.mode.name,
-                self._mission.text,
+                self._mission.log.text,
                 path,
-                len(self._mission.groups),
+                len(self._mission.frontiers.groups),
                 area_m2,
                 mission.outcome,
                 command_id=answer.command_id,
                 refused=answer.refused,
                 note=answer.note,
                 paused=mission.paused,
-                blacklisted=self._mission.blacklisted,
+                blacklisted=self._mission.log.blacklisted,
             ),
         )
 

@@ -18,7 +18,8 @@ from onboard.planner.exploration.wall_imaging import WallImaging
 from onboard.planner.grid.deliberation import Grids, Query
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.view import Motion, View
-from onboard.planner.mission.mission import NO_PATH_PATIENCE_S, OBSTACLES_PATIENCE_S, Mission
+from onboard.planner.mission.hindrances import NO_PATH_PATIENCE_S, OBSTACLES_PATIENCE_S
+from onboard.planner.mission.mission import Mission
 from onboard.planner.mission.table import Event, Mode
 from tests.unit.test_planner_grid_map import Box, drawn, hall
 from tests.unit.test_planner_route_planning import two_rooms
@@ -73,9 +74,9 @@ class Drive:
     def _new_grid(self, revision: int) -> None:
         self.revision = revision
         self._grids.put(revision, self.grid)
-        judged = self.mission.query_about(revision, self.pose).answer(self._grids)
+        judged = self.mission.frontiers.query(revision, self.pose).answer(self._grids)
         assert isinstance(judged, JudgedGrid)
-        self.mission.take_in(judged)
+        self.mission.frontiers.take_in(judged)
 
     def until(self, mode: Mode, within_s: float) -> bool:
         end_s = self.now_s + within_s
@@ -119,13 +120,13 @@ def test_what_cannot_be_reached_is_given_up_by_place_and_reason() -> None:
             drive.mission.blocked(drive.view(), 0.0)
         assert drive.now_s < 1000.0
     assert drive.mission.state.outcome is Outcome.FINISHED
-    (place,) = drive.mission.blacklisted
+    (place,) = drive.mission.log.blacklisted
     assert place.startswith("6.0,")
     assert place.endswith("in the way")
-    assert drive.mission.text == "finished, and home, 1 place left out"
-    assert any(note == f"given up {place}" for note in drive.mission.take_notes())
+    assert drive.mission.log.text == "finished, and home, 1 place left out"
+    assert any(note == f"given up {place}" for note in drive.mission.log.take())
     drive.mission.start(drive.pose, drive.now_s)
-    assert drive.mission.blacklisted == ()
+    assert drive.mission.log.blacklisted == ()
 
 
 def test_a_place_that_was_asked_for_is_driven_to_round_the_wall() -> None:
@@ -161,7 +162,7 @@ def test_a_place_without_a_path_does_not_flip_between_two_modes() -> None:
         drive.step()
         modes.add(drive.mission.mode)
     assert modes == {Mode.GOTO_BLOCKED}
-    assert sum("GOTO_BLOCKED" in note for note in drive.mission.take_notes()) == 1
+    assert sum("GOTO_BLOCKED" in note for note in drive.mission.log.take()) == 1
 
 
 def test_a_way_that_is_free_again_is_driven() -> None:
@@ -178,8 +179,8 @@ def test_choices_and_changes_of_mode_are_noted_once_with_their_figures() -> None
     drive = Drive(closed_hall(), Pose2(4.0, 0.3, 2.0))
     drive.mission.start(drive.pose, drive.now_s)
     assert drive.until(Mode.DONE, 180.0)
-    notes = drive.mission.take_notes()
-    assert drive.mission.take_notes() == []
+    notes = drive.mission.log.take()
+    assert drive.mission.log.take() == []
     assert notes[0] == "mode=LOOK outcome=NONE paused=False before=WAITING event=START"
     assert notes[-1] == "mode=DONE outcome=FINISHED paused=False before=ALIGN event=ALIGNED"
     assert any("event=EXPLORED taken=NONE RIGHT=" in note for note in notes)
@@ -407,7 +408,7 @@ def test_who_finds_no_way_home_asks_for_help_after_a_while() -> None:
     assert not drive.until(Mode.DONE, NO_PATH_PATIENCE_S - 10.0)
     assert drive.until(Mode.DONE, 20.0)
     assert drive.mission.state.outcome is Outcome.NEEDS_HELP
-    assert drive.mission.text == "needs help: no way home"
+    assert drive.mission.log.text == "needs help: no way home"
 
 
 def test_obstacles_that_leave_no_way_home_are_tried_again_after_a_while() -> None:

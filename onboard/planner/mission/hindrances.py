@@ -13,6 +13,9 @@ from onboard.planner.exploration.recovery_memory import STAGNANT_M
 OBSTRUCTIONS_MAX = 2  # next to where it wants to get, then that is given up
 OBSTRUCTION_NEAR_M = 1.5
 MET_MAX = 4  # obstacles in a row at one place on the way home: there is no path, whatever the grid shows
+NO_PATH_PATIENCE_S = 300.0  # a door that was closed, a person who stands in a hall: they may go
+OBSTACLES_PATIENCE_S = 30.0  # then what was met before may have gone, or was an echo from a corner
+RETRY_S = 3.0
 PROGRESS_M = 2.0  # so far away it is another place that it waits at
 
 
@@ -46,12 +49,18 @@ class PathPatience:
 
     def __init__(self) -> None:
         self._since: tuple[float, Pose2] | None = None
+        self._retry_s = 0.0
 
     def renew(self) -> None:
         self._since = None
 
-    def waited_s(self, pose: Pose2, now_s: float) -> float:
+    def retries(self, now_s: float) -> bool:
+        """Is it time to look for a path again?"""
+        return now_s >= self._retry_s
+
+    def wait_s(self, pose: Pose2, now_s: float) -> float:
         """How long there has been no path from about here; to be called whenever there is none."""
+        self._retry_s = now_s + RETRY_S
         if self._since is None or self._since[1].distance_m(pose) > PROGRESS_M:
             self._since = now_s, pose
         return now_s - self._since[0]

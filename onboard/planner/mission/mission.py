@@ -12,110 +12,59 @@ from dataclasses import replace
 from math import atan2, cos, inf, pi, sin
 
 from common.geometry import Pose2, wrap_angle
-from common.messages.mapping import GridUpdate
 from common.messages.motion import Speed
 from onboard.planner.driving.hall_following import HallFollowing
 from onboard.planner.driving.looking import HEADING_REACHED_RAD, TURN_TIMEOUT_S, Looking
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontier_manager import FrontierManager
-from onboard.planner.exploration.frontiers import FrontierGroup, as_set
-from onboard.planner.exploration.queries import JudgedGrid, JudgeGrid
 from onboard.planner.exploration.recovery_memory import STAGNANT_S, Stillness
 from onboard.planner.exploration.wall_imaging import WallImaging
 from onboard.planner.grid.deliberation import Deliberation
-from onboard.planner.grid.grid_map import Cell, GridMap
+from onboard.planner.grid.grid_map import Cell
 from onboard.planner.grid.view import Motion, View
+from onboard.planner.mission import hindrances
 from onboard.planner.mission.goal_choice import Goal, GoalChoice
-from onboard.planner.mission.hindrances import OBSTRUCTIONS_MAX, ObstaclesMet, PathPatience
+from onboard.planner.mission.leg import Leg
 from onboard.planner.mission.pending import Pending
-from onboard.planner.mission.table import (
-    AT_REST,
-    BLOCKED,
-    CHOICES,
-    GOING_HOME,
-    ON_LEG,
-    VISITING,
-    Event,
-    Mode,
-    State,
-    Step,
-    after,
-)
+from onboard.planner.mission.state_log import StateLog
+from onboard.planner.mission.table import AT_REST, BLOCKED, GOING_HOME, ON_LEG, VISITING, Event, Mode, State, Step
+from onboard.planner.routing import destination
 from onboard.planner.routing.path_following import Path, arrived, rest_of, speed_along
 
 BLOCK_AHEAD_M = 0.45
-NO_PATH_PATIENCE_S = 300.0  # a door that was closed, a person who stands in a hall: they may go
-OBSTACLES_PATIENCE_S = 30.0  # then what was met before may have gone, or was an echo from a corner
-RETRY_S = 3.0
-GOAL_NEAR_CELLS = 1  # of the grid, around a place to drive to
-GOAL_FAR_CELLS = 4  # where the footprint cannot stand at the place itself
-REVIEW_M = 1.5  # of a leg, between two looks at the list
-
-
-def has_floor(grid: GridMap, place_m: tuple[float, float]) -> bool:
-    """May the robot stand at that place of the map, or so near to it that a goto would end there?"""
-    near = grid.around(*place_m, GOAL_FAR_CELLS)
-    return any(grid.contains(cell) and bool(grid.standable(cell)) for cell in near)
 
 
 class Mission:
-    """`step` returns the wanted motion; `mode`, `groups` and `path` show people its state."""
+    """`step` returns the wanted motion; `log` and `path` show people what it does."""
 
     def __init__(self, images_walls: bool = False) -> None:
         """`images_walls`: there is a camera, and every wall shall have been on its right."""
-        self.state = State()
+        self.log = StateLog()  # state, and what is to be logged
         self.path: Path = []
         self.pending = Pending()  # a choice or a path
-        self.blacklisted: tuple[str, ...] = ()  # what the newest exploration left out, each place with its reason
-        self._frontiers = FrontierManager()
+        self.frontiers = FrontierManager()  # what the grids offer
         self._hall = HallFollowing()
         self._looking = Looking()
         self._target: tuple[float, float] = (0.0, 0.0)
         self._now_s = -inf
-        self._reviewed = Pose2(0.0, 0.0, 0.0)  # where it was asked last whether another entry should come first
-        self._judged: tuple[int, Pose2] | None = None  # grid and place where the leg was found worth going on
         self._stillness = Stillness()
         self._imaging = WallImaging() if images_walls else None
-        self._choice = GoalChoice(self._frontiers, self._hall, self._imaging)
+        self._choice = GoalChoice(self.frontiers, self._hall, self._imaging)
+        self._leg = Leg(self.frontiers, self._hall, self._imaging)
         self._wall_rad = 0.0  # heading for the next leg along a wall
         self._wall_due = False  # that leg comes next
-        self._obstacles, self._patience = ObstaclesMet(), PathPatience()
+        self._obstacles, self._patience = hindrances.ObstaclesMet(), hindrances.PathPatience()
         self._retake_rad = 0.0
-        self._retry_s = 0.0
         self._align_until_s = 0.0
-        self._notes: list[str] = []
-        self._noted = self.state  # as of the newest note
+
+    @property
+    def state(self) -> State:
+        return self.log.state
 
     @property
     def mode(self) -> Mode:
         """What it is doing."""
         return self.state.mode
-
-    @property
-    def text(self) -> str:
-        """What it is doing, or how that ended, for people."""
-        count = len(self.blacklisted)
-        if not count or self.mode is not Mode.DONE:
-            return self.state.text
-        return f"{self.state.text}, {count} place{'s' if count > 1 else ''} left out"
-
-    @property
-    def groups(self) -> list[FrontierGroup]:
-        """The list of side halls."""
-        return self._frontiers.groups
-
-    def query_about(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
-        """What is to be known of a new grid before a step may have it."""
-        return self._frontiers.query(revision, pose, update)
-
-    def take_in(self, judged: JudgedGrid) -> None:
-        """The answer to that."""
-        self._frontiers.take_in(judged)
-
-    def take_notes(self) -> list[str]:
-        """For the log: the changes of mode and the choices since the last call, a line each."""
-        notes, self._notes = self._notes, []
-        return notes
 
     def order(self, event: Event, place_m: tuple[float, float] = (0.0, 0.0)) -> Step:
         """What an operator or the permit wants of it; `place_m` in the map is where a goto leads."""
@@ -129,8 +78,8 @@ class Mission:
         """Begin to explore; once more from the beginning of the list after a mission that has ended."""
         step = self.order(Event.START)
         if not step.refused:
-            self.blacklisted = ()
-            self._frontiers.renew_patience()
+            self.log.leave_out(())
+            self.frontiers.renew_patience()
             self._looking.begin(pose.heading_rad, now_s)
         return step
 
@@ -149,12 +98,12 @@ class Mission:
         """An obstacle stands there that the map does not know: plan around it for a while."""
         angle = view.pose.heading_rad + bearing_rad
         x_m, y_m = view.pose.x_m + BLOCK_AHEAD_M * cos(angle), view.pose.y_m + BLOCK_AHEAD_M * sin(angle)
-        self._frontiers.meet(x_m, y_m, view.now_s)
-        self._notes.append(f"obstacle place={x_m:.2f},{y_m:.2f} frontier there deferred")
+        self.frontiers.meet(x_m, y_m, view.now_s)
+        self.log.note(f"obstacle place={x_m:.2f},{y_m:.2f} frontier there deferred")
         if self.mode in ON_LEG:
             self._end_leg(view)
         elif self.mode in VISITING and self._obstacles.block_target(self._target, (x_m, y_m)):
-            self._defer(view, f"{OBSTRUCTIONS_MAX} obstacles in the way")
+            self._defer(view, f"{hindrances.OBSTRUCTIONS_MAX} obstacles in the way")
         self.path = []
         self.pending.abandon()
         if self._obstacles.meet(view.pose) and self.mode in (Mode.HOME, Mode.GOTO):
@@ -163,8 +112,8 @@ class Mission:
     def step(self, view: View) -> Motion:
         """The motion that is wanted now."""
         dt_s, self._now_s = view.now_s - self._now_s, view.now_s
-        self._frontiers.forget(view.now_s)
-        self._frontiers.trail.drive(view.pose)
+        self.frontiers.forget(view.now_s)
+        self.frontiers.trail.drive(view.pose)
         if self._imaging is not None:
             self._imaging.look(view.grid, view.pose)
         return self._act(view, dt_s)
@@ -173,11 +122,9 @@ class Mission:
         stand = Motion(Speed.STOP, view.pose.heading_rad)
         if self._stillness.stagnates(view.pose, dt_s, under_way=self.mode in VISITING):
             self._defer(view, f"no motion for {STAGNANT_S:.0f} s")
-            self._frontiers.judge_anew()
+            self.frontiers.judge_anew()
             return stand
-        if self.pending.open and self.mode not in ON_LEG:
-            return stand
-        if self.mode in AT_REST:
+        if self.mode in AT_REST or (self.pending.open and self.mode not in ON_LEG):
             return stand
         if self.mode is Mode.LOOK:
             return self._stand_and_look(view)
@@ -188,23 +135,17 @@ class Mission:
                 self._happens(Event.ALIGNED)
             return Motion(Speed.STOP, 0.0)
         if self.mode in BLOCKED:
-            if view.now_s >= self._retry_s:
+            if self._patience.retries(view.now_s):
                 self.pending.begin(self._plan_path(view))
             return stand
         return self._follow_path(view)
 
     def _happens(self, event: Event, why: str = "") -> Step:
         """Take the step of the table; a path belongs to the mode that planned it."""
-        before, step = self.state, after(self.state, event)
-        if step.refused or (step.state == before and not step.moves):
-            return step
-        self.state = step.state
+        step = self.log.happens(event, why)
         if step.moves:
-            self.path, self._wall_due, self._judged = [], False, None
+            self.path, self._wall_due = [], False
             self.pending.abandon()
-        if step.state != self._noted or event in CHOICES:
-            self._noted = step.state
-            self._notes.append(f"{step.state} before={before.mode.name} event={event.name} {why}".rstrip())
         return step
 
     def _defer(self, view: View, why: str) -> None:
@@ -213,7 +154,7 @@ class Mission:
         if self.mode is Mode.IMAGE and self._imaging is not None:
             self._imaging.settle(view.grid, Pose2(x_m, y_m, self._wall_rad))
         else:
-            self._frontiers.defer(x_m, y_m, why)
+            self.frontiers.defer(x_m, y_m, why)
         self._look(Event.DEFERRED, view.pose.heading_rad, view.now_s, why=f"place={x_m:.2f},{y_m:.2f} {why}")
 
     def _look(
@@ -232,7 +173,7 @@ class Mission:
         """The wall that was driven to, else the next goal."""
         if self._wall_due:
             self._happens(Event.WALL_REACHED)
-            self._hall.begin(view.pose, self._wall_rad)
+            self._leg.begin(view.pose, self._wall_rad)
             return
         looked_rad = self._looking.heading_rad if self.mode is Mode.LOOK else None
         self._set_out(view, (yield from self._choice.next(view, looked_rad)))
@@ -248,11 +189,9 @@ class Mission:
             return
         self._happens(goal.event, goal.why)
         if goal.event is Event.EXPLORED:
-            self.blacklisted = goal.blacklisted
-            self._notes += [f"given up {place}" for place in goal.blacklisted]
+            self.log.leave_out(goal.blacklisted)
         if goal.event is Event.AHEAD:
-            self._hall.begin(view.pose, goal.heading_rad)
-            self._reviewed = view.pose
+            self._leg.begin(view.pose, goal.heading_rad)
         elif goal.path:
             self.path, self._target, self._wall_rad = goal.path, goal.path[-1], goal.heading_rad
 
@@ -260,38 +199,20 @@ class Mission:
         """Straight on along a hall or a wall, as long as that shows something new."""
         pose = view.pose
         self._hall.see(view.points, pose)
-        if view.front_is_near or view.hall_bends or not (self._is_judged(view) or self._judge_leg(view)):
+        if view.front_is_near or view.hall_bends or (self._leg.due(view) and not self._is_worth_going_on(view)):
             self._end_leg(view)
             return Motion(Speed.STOP, pose.heading_rad)
         return Motion(Speed.MEDIUM, self._hall.steered_rad(pose, view.left_m, view.right_m))
 
-    def _is_judged(self, view: View) -> bool:
-        """Was the leg found worth going on, on this grid and from less than half a cell away?"""
-        if self._judged is None:
-            return False
-        revision, pose = self._judged
-        return revision == view.grid_revision and pose.distance_m(view.pose) < view.grid.cell_m / 2
-
-    def _judge_leg(self, view: View) -> bool:
-        """Is it worth going on? By the way, what the leg passes is noticed."""
-        self._judged = (view.grid_revision, view.pose)
-        if self.mode is Mode.STRAIGHT:
-            opening = self._hall.opening_passed(view.grid, self._frontiers.frontier, view.pose)
-            due = opening is not None or self._reviewed.distance_m(view.pose) > REVIEW_M
-            if due and not self.pending.open:
-                self._reviewed = view.pose
-                self.pending.begin(self._review_leg(view, as_set(opening) if opening is not None else set()))
-        elif self._imaging is not None:
-            self._imaging.settle(view.grid, view.pose)
-        return self._leg_shows_new(view)
-
-    def _leg_shows_new(self, view: View) -> bool:
-        leg = replace(view.pose, heading_rad=self._hall.heading_rad)
-        if self.mode is Mode.STRAIGHT:
-            return self._frontiers.something_ahead(view, leg)
-        assert self._imaging is not None
-        open_ahead = self._frontiers.straight_reach_m(view, leg) >= frontiers.STRAIGHT_MIN_M
-        return open_ahead and self._imaging.worth_going_on(view.grid, view.pose, leg.heading_rad)
+    def _is_worth_going_on(self, view: View) -> bool:
+        """The leg; by the way, what it passes is noticed."""
+        if self.mode is not Mode.STRAIGHT:
+            return self._leg.shows_new_wall(view)
+        to_review = self._leg.to_review(view)
+        if to_review is not None and not self.pending.open:
+            self._leg.reviewed(view.pose)
+            self.pending.begin(self._review_leg(view, to_review))
+        return self._leg.shows_new_floor(view)
 
     def _end_leg(self, view: View) -> None:
         self._choice.junction.end_leg(self._hall.start, view.pose)
@@ -312,13 +233,13 @@ class Mission:
             self.pending.begin(self._plan_path(view))
             if self.mode is not mode or not self.path:
                 return stand
-        if self.mode is Mode.ROUTE and not self._frontiers.something_near(*self._target):
+        if self.mode is Mode.ROUTE and not self.frontiers.something_near(*self._target):
             self._look(Event.GONE, pose.heading_rad, view.now_s)
             return stand
         if arrived(self.path, pose):
             self._arrive(view)
             return stand
-        if not self._frontiers.is_clear(view, self.path):
+        if not self.frontiers.is_clear(view, self.path):
             self.path = []
             return stand
         self.path = rest_of(self.path, pose)
@@ -337,8 +258,7 @@ class Mission:
         home = self.mode in GOING_HOME
         target = (0.0, 0.0) if home else self._target
         exact = home or view.grid.stands(*target)
-        around = view.grid.around(*target, GOAL_NEAR_CELLS if exact else GOAL_FAR_CELLS)
-        route = yield from self._frontiers.route(view, around)
+        route = yield from self.frontiers.route(view, destination.cells_at(view.grid, target, exact))
         if route is not None:
             self._happens(Event.PATH)
             self.path = [*route[:-1], target] if exact else route
@@ -351,13 +271,12 @@ class Mission:
 
     def _wait_for_path(self, view: View, target: tuple[float, float]) -> None:
         self._happens(Event.NO_PATH, f"place={target[0]:.2f},{target[1]:.2f}")
-        self._retry_s = view.now_s + RETRY_S
-        waited_s = self._patience.waited_s(view.pose, view.now_s)
-        if waited_s > NO_PATH_PATIENCE_S:
+        waited_s = self._patience.wait_s(view.pose, view.now_s)
+        if waited_s > hindrances.NO_PATH_PATIENCE_S:
             self._patience.renew()
             self._happens(Event.TOO_LONG, f"waited_s={waited_s:.0f} pose={view.pose.x_m:.2f},{view.pose.y_m:.2f}")
-        elif waited_s > OBSTACLES_PATIENCE_S and self._frontiers.forget_obstacles():
-            self._notes.append("no path: obstacles that were met are forgotten, what it drove over is tried again")
+        elif waited_s > hindrances.OBSTACLES_PATIENCE_S and self.frontiers.forget_obstacles():
+            self.log.note("no path: obstacles that were met are forgotten, what it drove over is tried again")
 
     def _arrive(self, view: View) -> None:
         self.path = []
@@ -371,7 +290,7 @@ class Mission:
         elif mode is Mode.ROUTE:
             pose, (x_m, y_m) = view.pose, self._target
             direction = frontiers.unknown_direction_rad(view.grid, pose.x_m, pose.y_m, pose.heading_rad)
-            self._frontiers.mark_visited(x_m, y_m)
+            self.frontiers.mark_visited(x_m, y_m)
             self._look(Event.ARRIVED, self._hall.along(direction), now_s, why=f"visited={x_m:.2f},{y_m:.2f}")
         else:
             self._align_until_s = now_s + TURN_TIMEOUT_S
