@@ -54,6 +54,7 @@ class ErrorCode(IntEnum):
     NO_RANGES = 502
     BLOCKED = 503
     EMERGENCY_ROUTINE = 504
+    ZONES_LOST = 505
     # 6xx: poi
     NO_FRAMES = 601
     FRAMES_FROZEN = 602
@@ -104,6 +105,10 @@ ERRORS: dict[ErrorCode, ErrorInfo] = {
     ErrorCode.NO_RANGES: ErrorInfo("no ranges arrive", "see the bridge and SIM"),
     ErrorCode.BLOCKED: ErrorInfo("the way is blocked", "clear the way; the robot tries again"),
     ErrorCode.EMERGENCY_ROUTINE: ErrorInfo("something is too near; stopped", "clear the way"),
+    ErrorCode.ZONES_LOST: ErrorInfo(
+        "the no-go lines and areas cannot be read",
+        "remove all of them, then draw them anew",
+    ),
     ErrorCode.NO_FRAMES: ErrorInfo("no camera frames arrive", "check the camera's ribbon cable"),
     ErrorCode.FRAMES_FROZEN: ErrorInfo("the camera repeats one picture", "pull its plug and put it in again"),
     ErrorCode.FRAMES_DARK: ErrorInfo("the camera's pictures are black", "uncover the lens, or light the hall"),

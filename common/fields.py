@@ -102,6 +102,13 @@ StopSources = Annotated[tuple[Word, ...], Shape(("S",)), UpTo(STOPS_MAX)]
 StopIds = Annotated[tuple[Identity, ...], Shape(("I",)), UpTo(STOPS_MAX)]
 StopNames = Annotated[tuple[Word, ...], Shape(("I",)), UpTo(STOPS_MAX)]
 Blacklisted = Annotated[tuple[Word, ...], Shape(("G",)), UpTo(50)]
+
+ZONES_MAX, CORNERS_MAX = 50, 50  # lines and areas that a person drew, and corners of each
+ZoneCorners = Annotated[tuple[Metres, ...], Shape(("C",)), UpTo(CORNERS_MAX)]
+AllCorners = Annotated[tuple[Metres, ...], Shape(("C",)), UpTo(ZONES_MAX * CORNERS_MAX)]
+ZoneNumbers = Annotated[tuple[Count, ...], Shape(("Z",)), UpTo(ZONES_MAX)]
+ZoneKinds = Annotated[tuple[Word, ...], Shape(("Z",)), UpTo(ZONES_MAX)]
+
 Challenge = Annotated[bytes, UpTo(CHALLENGE_BYTES)]
 ErrorNumber = Annotated[int, Within(0, 65_535)]
 Piece = Annotated[bytes, UpTo(1_000_000)]

@@ -26,6 +26,7 @@ FAMILIES = {
     "replay": ("replay",),
     "node": ("node", "command-center"),
     "operator": ("estop", "release", "start", "pause", "resume", "home", "goto"),
+    "zones": ("zone",),
     "records": ("runs", "export"),
     "view": ("view",),
     "signs": ("read-signs",),

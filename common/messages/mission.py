@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from common.fields import (
+    AllCorners,
     Blacklisted,
     CommandId,
     Count,
@@ -16,6 +17,9 @@ from common.fields import (
     SquareMetres,
     Text,
     Word,
+    ZoneCorners,
+    ZoneKinds,
+    ZoneNumbers,
 )
 
 
@@ -66,6 +70,11 @@ class Operation(Enum):
     RESUME = "resume"
     HOME = "home"
     GOTO = "goto"
+    # What is drawn on the map (common/zones.py)
+    NO_GO_LINE = "no-go-line"
+    NO_GO_AREA = "no-go-area"
+    ONLY_HERE = "only-here"
+    REMOVE_ZONE = "remove-zone"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,3 +88,19 @@ class OperatorCommand:
     valid: bool = True
     command_id: CommandId = 0  # repeated with the same one until PlannerView acknowledges it; 0 = not acknowledged
     epoch: Epoch = 0  # of a resume: the stop epoch after which the robot may go on
+    corners_x_m: ZoneCorners = ()  # of a line or area, in the map
+    corners_y_m: ZoneCorners = ()
+    zone: Count = 0  # the number of the one to be removed; 0 for all
+
+
+@dataclass(frozen=True, slots=True)
+class Zones:
+    """All no-go lines and areas, and all areas to explore alone, that count now (common/zones.py)."""
+
+    t_s: Seconds
+    numbers: ZoneNumbers
+    kinds: ZoneKinds
+    corner_counts: ZoneNumbers  # of each; their corners stand one after the other
+    corners_x_m: AllCorners
+    corners_y_m: AllCorners
+    valid: bool = True

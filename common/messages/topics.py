@@ -18,7 +18,7 @@ from common.constants import (
 from common.messages.delivery import OutboxPiece, OutboxReceipt
 from common.messages.health import BoardState, ClockAck, ClockTick, LogLine, Status
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
-from common.messages.mission import OperatorCommand, PlannerView
+from common.messages.mission import OperatorCommand, PlannerView, Zones
 from common.messages.motion import CarrierReport, Distances, DriveCommand, Odometry, Ranges
 from common.messages.points_of_interest import PointOfInterest, PoiRequest
 from common.messages.stop import Permit, StopRequest
@@ -132,6 +132,7 @@ TRAJECTORY = _topic(
     "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, PEOPLE, "lfc_mmu_cm", "when the past was corrected"
 )
 PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, QosProfile.STATE, PEOPLE, note="for people")
+ZONES = _topic("planner/zones", Zones, 0.0, QosProfile.STATE, PEOPLE, note="on change, and after each start")
 RETAKE = _topic("poi/request", PoiRequest, 0.0, QosProfile.COMMAND, "planner recorder", "lfc_poi_pln")
 POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, PEOPLE, "lfc_poi_cm lfc_cm_vsl")
 PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, QosProfile.COMMAND, f"bridge planner poi {PEOPLE}", note=AT_ONCE)

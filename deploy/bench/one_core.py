@@ -35,6 +35,7 @@ from deploy.bench.order import Order
 from deploy.bench.process_cost import threads
 from deploy.bench.waiting import BenchFailed
 from deploy.boards.units import niceness
+from offboard.operate import operations
 from offboard.operate.operator_client import operate, press_stop, request_release
 from offboard.operate.software_stop import Demand
 from offboard.simulator.run.process import MOTORS_NAME
@@ -190,7 +191,7 @@ class Watch:
             self.stops_s.append(took_s)
         if request_release(self._bus).demand is not Demand.NONE:
             self.unconfirmed += 1
-        operate(self._bus, Operation.RESUME)
+        operate(self._bus, operations.Order(Operation.RESUME))
         self._bus.take(PERMIT)
         deadline_s = time.monotonic() + _DRIVING_AGAIN_S
         while not self._drives() and time.monotonic() < deadline_s:

@@ -29,6 +29,7 @@ from deploy.bench.waiting import BenchFailed, until
 from deploy.local.ports import reserve_port
 from deploy.local.process_table import program_of
 from deploy.local.supervisor import Supervisor
+from offboard.operate import operations
 from offboard.operate.operations import Answer
 from offboard.operate.operator_client import operate, press_stop, request_release
 from offboard.operate.software_stop import Demand
@@ -134,7 +135,7 @@ class StopMesh:
 
     def drive(self, operation: Operation) -> None:
         """Until the motors turn."""
-        if operate(self._operator, operation) is not Answer.TAKEN:
+        if operate(self._operator, operations.Order(operation)) is not Answer.TAKEN:
             raise BenchFailed(f"the planner did not take the {operation.value}")
         until(lambda: self.motors()[-1][1], _WAIT_S, "driving")
 

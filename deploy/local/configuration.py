@@ -13,6 +13,7 @@ from deploy.local.process_table import SIMULATOR
 from offboard.simulator.run.options import RunOptions, site_section
 from onboard.comm.stop_record import RECORD_NAME, StopRecord, write_record
 from onboard.mmu.map.map_file import MAP_NAME
+from onboard.planner.zones.zone_file import ZONES_NAME
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,7 @@ class RunPaths:
 
     def clear(self) -> None:
         """What an earlier run left for its processes goes; the robot is a new one, which nobody has stopped yet."""
-        left_overs = (self.serial, self.work / MAP_NAME, *self.work.glob(f"*{STEPS_SUFFIX}"))
+        left_overs = (self.serial, self.work / MAP_NAME, self.work / ZONES_NAME, *self.work.glob(f"*{STEPS_SUFFIX}"))
         for left_over in left_overs:
             left_over.unlink(missing_ok=True)
         write_record(self.work / RECORD_NAME, StopRecord())

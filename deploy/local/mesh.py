@@ -24,6 +24,7 @@ from common.messages.topics import OPERATION, PERMIT, PLAN, STATUS
 from common.mission_state import started
 from common.stop_signals import end_on_signals
 from common.zenoh_bus import ZenohBus
+from common.zones import ZONE_OPERATIONS
 from deploy.local.configuration import RunPaths, mesh_config, process_arguments
 from deploy.local.process_table import SIMULATOR, program_of, without
 from deploy.local.report import summarise
@@ -277,7 +278,8 @@ class LocalRun:
         """Sends start to a planner that was restarted, but not after a person stopped or paused the robot."""
         permit = bus.latest(PERMIT)
         for command in bus.take(OPERATION):
-            self._person_halted = command.operation is Operation.PAUSE
+            if command.operation not in ZONE_OPERATIONS:
+                self._person_halted = command.operation is Operation.PAUSE
         if permit is not None and permit.stop_sources:
             self._person_halted = True
         if not started(view) and permit is not None and permit.granted and not self._person_halted:

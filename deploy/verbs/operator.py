@@ -19,7 +19,7 @@ from common.messages.topics import CARRIER, PERMIT, PLAN
 from common.mission_state import hindrance
 from common.zenoh_bus import ZenohBus
 from offboard.operate import operations, software_stop
-from offboard.operate.operations import Answer
+from offboard.operate.operations import Answer, Order
 from offboard.operate.operator_client import operate, press_stop, request_release, wait_until
 from offboard.operate.software_stop import Demand, StopControl
 
@@ -46,12 +46,13 @@ def add_verbs(verbs: Any) -> None:
         parser.set_defaults(run=run)
 
 
-def _join(arguments: argparse.Namespace) -> ZenohBus:
-    return ZenohBus("command_center", load_config(arguments.config), FreeClock(), "client")
+def join(config: Path | None) -> ZenohBus:
+    """The mesh, as a client with the rights of the Command Center; raises StartError."""
+    return ZenohBus("command_center", load_config(config), FreeClock(), "client")
 
 
 def _estop(arguments: argparse.Namespace) -> int:
-    bus = _join(arguments)
+    bus = join(arguments.config)
     try:
         control, stop_id = press_stop(bus)
         if control.latency_s is not None:
@@ -68,7 +69,7 @@ def _estop(arguments: argparse.Namespace) -> int:
 
 
 def _release(arguments: argparse.Namespace) -> int:
-    bus = _join(arguments)
+    bus = join(arguments.config)
     try:
         # The permit names what is latched, the Carrier reports whether the button is pressed
         wait_until(lambda: bus.latest(PERMIT) is not None and bus.latest(CARRIER) is not None, LINK_TIMEOUT_S)
@@ -97,17 +98,23 @@ def _release(arguments: argparse.Namespace) -> int:
 def _operation(arguments: argparse.Namespace) -> int:
     operation = Operation(arguments.verb)
     x_m, y_m = _place(arguments) if operation is Operation.GOTO else (0.0, 0.0)
-    bus = _join(arguments)
+    return give(arguments.config, Order(operation, x_m, y_m))
+
+
+def give(config: Path | None, order: Order) -> int:
+    """Sends it until it is answered, and prints the answer; the exit code."""
+    bus = join(config)
     try:
         wait_until(lambda: bus.latest(PERMIT) is not None, LINK_TIMEOUT_S)
         permit = bus.latest(PERMIT)
         # What the planner is doing it knows best itself
-        refusal = hindrance(operation, None, permit)
+        refusal = hindrance(order.operation, None, permit)
         if refusal:
             print(refusal, file=sys.stderr)
             return 1
-        answer = operate(bus, operation, x_m, y_m)
-        sentence = operations.result_sentence(arguments.verb, answer, bus.latest(PERMIT), bus.latest(PLAN))
+        answer = operate(bus, order)
+        name = order.operation.value
+        sentence = operations.result_sentence(name, answer, bus.latest(PERMIT), bus.latest(PLAN))
         print(sentence, file=sys.stdout if answer is Answer.TAKEN else sys.stderr)
         return 0 if answer is Answer.TAKEN else 1
     finally:

@@ -19,7 +19,9 @@ from offboard.command_center.screens.questions import (
     LeaveScreen,
     ReleaseScreen,
     TopicsScreen,
+    ZoneScreen,
 )
+from offboard.operate.operations import Order
 
 if TYPE_CHECKING:
     from textual.app import App
@@ -100,6 +102,13 @@ class OperatorActions(AppBase):
                 self.node.operate(Operation.GOTO, *place)
 
         await self.push_screen(GotoScreen(self.node.snapshot().findings), answered)
+
+    async def action_zone(self) -> None:
+        def answered(order: Order | None) -> None:
+            if order is not None:
+                self.node.give(order)
+
+        await self.push_screen(ZoneScreen(), answered)
 
     # The log
 

@@ -30,6 +30,7 @@ OPERATION_BINDINGS = (
     *_key("r", "operate('resume')", "Resume", "resume"),
     *_key("h", "operate('home')", "Home", "home"),
     *_key("g", "goto", "Go to", "goto"),
+    *_key("z", "zone", "Zones", "zone", shown=False),
 )
 LOG_BINDINGS = (
     *_key("slash", "search_log", "Search", "search", sign="/"),
@@ -54,6 +55,7 @@ HELP: dict[str, str] = {
     "resume": "Go on after a pause or a released stop.",
     "home": "Give the rest of the list up and drive home.",
     "goto": "Drive to a door by its number, or to X,Y in metres.",
+    "zone": "Draw or remove no-go lines and areas, and areas to explore alone.",
     "search": "Show only lines that match a regular expression.",
     "level": "Show lines from this level on.",
     "module": "Show one module only: that of the marked row, then the next, then all. The bridge logs for sim and car.",

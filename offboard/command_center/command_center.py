@@ -23,15 +23,30 @@ from common.codec import as_text
 from common.messages.health import LogLine
 from common.messages.mapping import PoseEstimate, Trajectory
 from common.messages.mission import Operation
-from common.messages.topics import BOARD, CARRIER, LOG, MAP, PERMIT, PLAN, POI, POSE, STATUS, TOPICS, TRAJECTORY, Topic
+from common.messages.topics import (
+    BOARD,
+    CARRIER,
+    LOG,
+    MAP,
+    PERMIT,
+    PLAN,
+    POI,
+    POSE,
+    STATUS,
+    TOPICS,
+    TRAJECTORY,
+    ZONES,
+    Topic,
+)
 from common.status import StatusReporter
+from common.zones import Zone, zones_of
 from offboard.command_center.board_watch import BoardRow, board_row
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry
 from offboard.command_center.module_health import HealthHistory
 from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
 from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
 from offboard.operate import operations
-from offboard.operate.operations import Answer
+from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import look, robot_report
 from offboard.operate.stop_desk import StopDesk
@@ -81,6 +96,7 @@ class CommandCenter:
         self._map = MapAssembly()
         self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_MAX)
         self._findings = dict(findings or {})
+        self._zones: tuple[Zone, ...] = ()
         self._orders = OrderSender()
         self._result: OperationResult | None = None
 
@@ -99,6 +115,8 @@ class CommandCenter:
                 self._extend_trail(pose)
             for poi in self._take(bus, POI, now_s):
                 self._findings[poi.poi_id] = Finding(poi.number, poi.x_m, poi.y_m)
+            for zones in self._take(bus, ZONES, now_s):
+                self._zones = zones_of(zones)
             self._operate(bus, now_s)
             self._snapshot = Snapshot(
                 now_s,
@@ -114,6 +132,7 @@ class CommandCenter:
                 view=bus.latest(PLAN),
                 view_age_s=bus.age_s(PLAN),
                 findings=tuple(self._findings.values()),
+                zones=self._zones,
                 operation=self._result,
                 lines_dropped=self._dropped,
             )
@@ -144,7 +163,7 @@ class CommandCenter:
             snapshot = self._snapshot
         path_m = snapshot.view.path_m if snapshot.view is not None else np.zeros((0, 2), np.float32)
         live = freshness(snapshot.pose_age_s) is Freshness.LIVE
-        return FloorPicture(walls_m, inferred, trail_m, path_m, snapshot.findings, snapshot.pose, live)
+        return FloorPicture(walls_m, inferred, trail_m, path_m, snapshot.findings, snapshot.pose, live, snapshot.zones)
 
     def show_messages(self, topics: frozenset[str]) -> None:
         """From now on every message of these topics comes with the log."""
@@ -153,14 +172,18 @@ class CommandCenter:
             self._subscribed_topics |= topics
 
     def operate(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
-        """Sends a command to the Planner; a newer one replaces one that is not taken yet."""
+        """Sends a command to the Planner."""
+        self.give(Order(operation, x_m, y_m))
+
+    def give(self, order: Order) -> None:
+        """Sends an order to the Planner; a newer one replaces one that is not taken yet."""
         now_s = self._clock()
         with self._lock:
             serial = self._result.serial + 1 if self._result is not None else 1
             permit, draw = self._snapshot.permit, secrets.randbits
-            self._orders.give(operations.new_operation(operation, permit, now_s, draw, x_m, y_m))
-            self._result = OperationResult(serial, operation.value, Answer.WAITING, "")
-        _log.info("operation=%s x_m=%.2f y_m=%.2f", operation.value, x_m, y_m)
+            self._orders.give(operations.new_operation(order, permit, now_s, draw))
+            self._result = OperationResult(serial, order.operation.value, Answer.WAITING, "")
+        _log.info("%s", order)
 
     # Parts of `step`
 

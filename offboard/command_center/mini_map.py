@@ -15,7 +15,7 @@ import numpy.typing as npt
 from offboard.command_center.snapshot import FloorPicture
 
 # Later ones are drawn over earlier ones
-EMPTY, PATH, TRAIL, INFERRED, WALL = range(5)
+EMPTY, PATH, TRAIL, INFERRED, WALL, ZONE = range(6)
 ARROWS = "→↗↑↖←↙↓↘"
 MIN_SQUARE_M = 0.1
 MARGIN_M = 0.5
@@ -64,6 +64,9 @@ def draw(picture: FloorPicture, columns: int, rows: int) -> Raster:
         for start in range(0, len(picture.walls_m), _POINTS_AT_ONCE):
             part = slice(start, start + _POINTS_AT_ONCE)
             codes[squares(picture.walls_m[part][(picture.inferred[part] != 0) == inferred])] = code
+    for zone in picture.zones:
+        corners_m = np.array([zone.sides[0][0], *(end for _, end in zone.sides)], np.float32)
+        codes[squares(_densified(corners_m, None, square_m))] = ZONE
     found = squares(np.array([[f.x_m, f.y_m] for f in picture.findings], dtype=np.float64))
     findings = frozenset(zip((found[0] // 2).tolist(), found[1].tolist(), strict=True))
     robot, arrow = None, ""

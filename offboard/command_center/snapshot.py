@@ -12,6 +12,7 @@ from common.messages.mission import PlannerView
 from common.messages.motion import CarrierReport
 from common.messages.stop import Permit
 from common.mission_state import MissionState, mission_state
+from common.zones import Zone
 from offboard.command_center.board_watch import BoardRow
 from offboard.command_center.module_watch import ModuleRow
 from offboard.operate.operations import Answer
@@ -54,6 +55,7 @@ class Snapshot:
     view: PlannerView | None = None
     view_age_s: float = float("inf")
     findings: tuple[Finding, ...] = ()
+    zones: tuple[Zone, ...] = ()
     operation: OperationResult | None = None
     lines_dropped: int = 0
 
@@ -77,3 +79,4 @@ class FloorPicture:
     findings: tuple[Finding, ...]
     pose: PoseEstimate | None
     pose_live: bool
+    zones: tuple[Zone, ...] = ()

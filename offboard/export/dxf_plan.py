@@ -1,6 +1,6 @@
 """The map as DXF (R2018) for CAD: map data -> a drawing in metres of the map, letters as high as on paper at 1:100.
 
-Layers: `walls`, `inferred` (dashed), `doors` (a point each), `text`.
+Layers: `walls`, `inferred` (dashed), `doors` (a point each), `text`, `no-go` (lines and areas that a person drew).
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from common.geometry import Points
 from offboard.export.plan import INFERRED_DASH_MM, MM_PER_M, NUMBER_MM, ROOM_TYPE_MM, text_of
 from offboard.export.title import TitleBlock
 from offboard.export.wall_lines import wall_lines
+from offboard.export.zone_lines import outline
 from offboard.runs.run_folder import MapData
 
-_RED, _GREEN, _GREY, _BLACK = 1, 3, 8, 7  # AutoCAD's colour index; 7 is black on white paper
+_RED, _GREEN, _GREY, _BLACK, _ORANGE = 1, 3, 8, 7, 30  # AutoCAD's colour index; 7 is black on white paper
 _DASH_M, _GAP_M = (length / MM_PER_M for length in INFERRED_DASH_MM)
 
 
@@ -33,6 +34,7 @@ def as_dxf(data: MapData, block: TitleBlock) -> bytes:
         ("inferred", _GREY, "INFERRED"),
         ("doors", _RED, "CONTINUOUS"),
         ("text", _RED, "CONTINUOUS"),
+        ("no-go", _ORANGE, "CONTINUOUS"),
     ):
         document.layers.add(layer, color=colour, linetype=linetype)
     space = document.modelspace()
@@ -40,6 +42,8 @@ def as_dxf(data: MapData, block: TitleBlock) -> bytes:
         _lines(space, layer, wall_lines(data.points_m[data.inferred == mark]))
     for poi in data.pois:
         _door(space, poi)
+    for zone in data.zones:
+        _lines(space, "no-go", [outline(zone)])
     if len(data.trajectory):
         _start(space, data.trajectory[0].tolist(), block)
     document.set_modelspace_vport(max(10.0, 1.2 * _height_m(data)), center=_middle(data))

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from common.geometry import Points
+from common.zones import Zone, ZoneKind
 from offboard.export.halls import Space
 from offboard.export.tables import space_name
 from offboard.export.title import TitleBlock
 from offboard.export.wall_lines import wall_lines
+from offboard.export.zone_lines import outline
 from offboard.runs.run_folder import MapData
 
 _EARTH_RADIUS_M, _EARTH_ECCENTRICITY_2 = 6_378_137.0, 6.694379990141e-3  # WGS 84
@@ -33,6 +35,7 @@ def as_geojson(data: MapData, spaces: Sequence[Space], block: TitleBlock) -> byt
         lines = [line for line in wall_lines(data.points_m[data.inferred == mark]) if (line[0] != line[-1]).any()]
         features += [_feature("LineString", place(line), tags | level) for line in lines]
     features += [_door(poi, place, level) for poi in data.pois]
+    features += [_zone(zone, place, level) for zone in data.zones]
     content: dict[str, Any] = {"type": "FeatureCollection", "name": block.title}
     if block.anchor_deg is None:
         content["crs"] = {"type": "name", "properties": {"name": _LOCAL_METRES}}
@@ -71,6 +74,17 @@ def _space(space: Space, place: Callable[[Points], _Coordinates], level: dict[st
     kind = "corridor" if space.kind == "hall" else "area"
     tags = {"indoor": kind, "name": space_name(space).capitalize(), "area_m2": round(space.area_m2, 2)}
     return _feature("Polygon", [[*ring, ring[0]]], tags | level)
+
+
+def _zone(zone: Zone, place: Callable[[Points], _Coordinates], level: dict[str, str]) -> dict[str, Any]:
+    """No tag of OpenStreetMap fits: it is the robot that must not enter."""
+    line = outline(zone)
+    counter_clockwise = float(np.sum(line[:-1, 0] * line[1:, 1] - line[1:, 0] * line[:-1, 1])) >= 0.0
+    coordinates = place(line if counter_clockwise else line[::-1])
+    tags = {"robot": zone.kind.value, "name": zone.title} | level
+    if zone.kind is ZoneKind.LINE:
+        return _feature("LineString", coordinates, tags)
+    return _feature("Polygon", [coordinates], tags)
 
 
 def _door(poi: dict[str, Any], place: Callable[[Points], _Coordinates], level: dict[str, str]) -> dict[str, Any]:

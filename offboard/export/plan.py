@@ -14,8 +14,10 @@ import numpy.typing as npt
 
 from common.geometry import FloatArray, Points
 from common.plain_text import plain
+from common.zones import Zone, ZoneKind
 from offboard.export.drawing_bounds import drawing_bounds
 from offboard.export.wall_lines import wall_lines
+from offboard.export.zone_lines import border_in
 from offboard.runs.run_folder import MapData
 
 MM_PER_M = 10.0  # 1:100
@@ -24,6 +26,7 @@ GRID_M = 5.0
 TEXT_MAX = 60  # letters
 
 GRID, BORDER, WALL, INFERRED, TRAIL = "#e4e8ec", "#9aa5b1", "#1f2933", "#7b8794", "#5b9bd5"
+ZONE, ZONE_DASH_MM = "#b7610b", (3.0, 1.2)
 START, POI, TEXT = "#2f855a", "#c53030", "#3e4c59"
 INFERRED_DASH_MM = (1.6, 1.4)
 ASTERISK_MM, START_MM, NUMBER_MM, ROOM_TYPE_MM = 2.0, 2.2, 2.5, 1.8  # 1.8 is the smallest that ISO 3098 knows
@@ -80,11 +83,14 @@ def make_plan(data: MapData) -> Plan:
         return [(line - (x0_m, y0_m)) * MM_PER_M for line in lines_m]
 
     width_mm, height_mm = width_m * MM_PER_M, height_m * MM_PER_M
+    borders = [(zone, border_in(zone, (x0_m, y0_m, x0_m + width_m, y0_m + height_m))) for zone in data.zones]
+    borders = [(zone, on_paper(lines)) for zone, lines in borders if lines]
     (path,) = on_paper([trail(data.trajectory)])
     places = on_paper([pois_m])[0]
     echoed = data.inferred == 0
     strokes = [
         Stroke("grid", _grid(x0_m, y0_m, width_mm, height_mm), GRID, 0.2),
+        *(_border(zone, lines) for zone, lines in borders),
         Stroke("trail", [path] if len(path) > 1 else [], TRAIL, 0.5),
         inferred_walls(on_paper(wall_lines(data.points_m[~echoed]))),
         Stroke("walls", on_paper(wall_lines(data.points_m[echoed])), WALL, 0.9),
@@ -92,8 +98,18 @@ def make_plan(data: MapData) -> Plan:
         Stroke("pois", [line for place in places for line in asterisk(*place)], POI, 0.7),
     ]
     labels = [label for poi, place in zip(data.pois, places, strict=True) for label in _labels(poi, place, path)]
+    labels += [_title(zone, lines[0].mean(axis=0)) for zone, lines in borders]
     hints = [Text(float(x), float(y), _hint(poi)) for poi, (x, y) in zip(data.pois, places, strict=True)]
     return Plan(x0_m, y0_m, width_mm, height_mm, strokes, labels, hints)
+
+
+def _border(zone: Zone, lines: list[Points]) -> Stroke:
+    """What a person drew; dashed where the robot stays inside of it."""
+    return Stroke("zones", lines, ZONE, 0.6, ZONE_DASH_MM if zone.kind is ZoneKind.ONLY else None)
+
+
+def _title(zone: Zone, at: Points) -> Text:
+    return Text(float(at[0]), float(at[1]), zone.title, ZONE, ROOM_TYPE_MM)
 
 
 def inferred_walls(lines: list[Points]) -> Stroke:

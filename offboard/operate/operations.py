@@ -27,6 +27,21 @@ class Answer(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Order:
+    """What a person wants: a goto with its place in the map, a line or area with its corners, or the number of one."""
+
+    operation: Operation
+    x_m: float = 0.0
+    y_m: float = 0.0
+    corners_m: tuple[tuple[float, float], ...] = ()
+    zone: int = 0
+
+    def __str__(self) -> str:
+        corners = " ".join(f"{x_m:.2f},{y_m:.2f}" for x_m, y_m in self.corners_m)
+        return f"operation={self.operation.value} x_m={self.x_m:.2f} y_m={self.y_m:.2f} {corners} zone={self.zone}"
+
+
+@dataclass(frozen=True, slots=True)
 class PendingOperation:
     """A command under way and when it was given."""
 
@@ -48,19 +63,25 @@ def _resumed(command: OperatorCommand, permit: Permit | None) -> bool:
 
 
 def new_operation(
-    operation: Operation,
-    permit: Permit | None,
-    now_s: float,
-    random_bits: Callable[[int], int],
-    x_m: float = 0.0,
-    y_m: float = 0.0,
+    order: Order, permit: Permit | None, now_s: float, random_bits: Callable[[int], int]
 ) -> PendingOperation:
     """A command with an id of its own, drawn at random so that several senders do not meet; 0 would be none.
 
     It carries the stop epoch of the newest permit: a resume counts for the stop that the person saw, and for no later.
     """
     command_id, epoch = random_bits(_COMMAND_ID_BITS) or 1, permit.stop_epoch if permit is not None else 0
-    return PendingOperation(OperatorCommand(now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch), now_s)
+    command = OperatorCommand(
+        now_s,
+        order.operation,
+        order.x_m,
+        order.y_m,
+        command_id=command_id,
+        epoch=epoch,
+        corners_x_m=tuple(x_m for x_m, _ in order.corners_m),
+        corners_y_m=tuple(y_m for _, y_m in order.corners_m),
+        zone=order.zone,
+    )
+    return PendingOperation(command, now_s)
 
 
 def result_sentence(operation: str, answer: Answer, permit: Permit | None, view: PlannerView | None) -> str:

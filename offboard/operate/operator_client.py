@@ -7,10 +7,9 @@ import time
 from collections.abc import Callable
 
 from common.bus import Bus
-from common.messages.mission import Operation
 from common.messages.topics import PERMIT, STOP
 from offboard.operate import operations, software_stop
-from offboard.operate.operations import Answer
+from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import Demand, StopControl
 
@@ -58,10 +57,10 @@ def request_release(bus: Bus) -> StopControl:
     return sent_until_confirmed(bus, software_stop.release_requested(StopControl(), report, now_s))
 
 
-def operate(bus: Bus, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> Answer:
+def operate(bus: Bus, order: Order) -> Answer:
     """One command of the operator, sent until it is taken."""
     orders = OrderSender()
-    orders.give(operations.new_operation(operation, bus.latest(PERMIT), time.monotonic(), secrets.randbits, x_m, y_m))
+    orders.give(operations.new_operation(order, bus.latest(PERMIT), time.monotonic(), secrets.randbits))
     while (answer := orders.step(bus, time.monotonic())) is Answer.WAITING:
         time.sleep(_POLL_S)
     assert answer is not None

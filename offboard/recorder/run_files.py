@@ -16,14 +16,15 @@ import numpy as np
 
 from common.messages.mapping import MapUpdate, PoseEstimate
 from common.messages.mapping import Trajectory as SmoothedTrajectory
-from common.messages.mission import PlannerView
+from common.messages.mission import PlannerView, Zones
 from common.messages.points_of_interest import PointOfInterest
-from common.messages.topics import MAP, PLAN, POI, POSE, TRAJECTORY, Topic
+from common.messages.topics import MAP, PLAN, POI, POSE, TRAJECTORY, ZONES, Topic
 from common.room_number import key_of
+from common.zones import as_json, zones_of
 from offboard.runs import run_folder
 from offboard.runs.map_assembly import MapAssembly
 
-TOPICS_OF_FILES: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, POI, PLAN)
+TOPICS_OF_FILES: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, POI, PLAN, ZONES)
 
 _log = logging.getLogger("recorder")
 
@@ -46,6 +47,7 @@ class RunFiles:
         self._newest_pose_s = float("-inf")
         self._trajectory: SmoothedTrajectory | None = None
         self._pois: dict[int, dict[str, Any]] = {}
+        self._zones: Zones | None = None
         self._photos: dict[str, bytes] = {}  # by name, until they are on the disk
         self._changed: set[str] = set()  # files that differ from what is here
         self._made: set[str] = set()  # those that were written, and cannot all be made from what is here
@@ -81,6 +83,8 @@ class RunFiles:
         self._changed |= {run_folder.MAP_POINTS_NAME, run_folder.POIS_NAME}
         if self._trajectory is not None:
             self._changed.add(run_folder.SMOOTHED_NAME)
+        if self._zones is not None:
+            self._changed.add(run_folder.ZONES_NAME)
 
     def summary(self) -> bytes | None:
         """What it takes to go on with the files without the messages; None while they are behind. Raises OSError."""
@@ -104,6 +108,9 @@ class RunFiles:
             self._changed.add(run_folder.SMOOTHED_NAME)
         elif isinstance(payload, PointOfInterest):
             self._take_poi(payload)
+        elif isinstance(payload, Zones):
+            self._zones = payload
+            self._changed.add(run_folder.ZONES_NAME)
         elif isinstance(payload, PlannerView):
             self._take_view(payload)
 
@@ -125,10 +132,12 @@ class RunFiles:
             run_folder.MAP_POINTS_NAME: lambda path: run_folder.write_map_points(path, *self.map.known()),
             run_folder.POIS_NAME: lambda path: run_folder.write_json(path, list(self._pois.values())),
             run_folder.SMOOTHED_NAME: self._write_smoothed,
+            run_folder.ZONES_NAME: self._write_zones,
         }
+        always = (run_folder.MAP_POINTS_NAME, run_folder.POIS_NAME)
         for name, write in writers.items():
             path = self.run_dir / name
-            if name in self._changed or (name != run_folder.SMOOTHED_NAME and not path.exists()):
+            if name in self._changed or (name in always and not path.exists()):
                 write(path)
                 self._made.add(name)
                 self._changed.discard(name)
@@ -166,6 +175,10 @@ class RunFiles:
                 len(self.map),
             )
         self.finished = view.outcome.ends_mission
+
+    def _write_zones(self, path: Path) -> None:
+        if self._zones is not None:
+            run_folder.write_json(path, as_json(zones_of(self._zones)))
 
     def _write_smoothed(self, path: Path) -> None:
         if self._trajectory is not None:

@@ -25,12 +25,14 @@ from common.errors import StartError
 from common.geometry import FloatArray, Points
 from common.json_reader import Node, load_json
 from common.text_file import read_text
+from common.zones import Zone, of_json
 
 TRAJECTORY_NAME = "trajectory.tum"  # the poses as they were published at the time
 SMOOTHED_NAME = "trajectory_smoothed.tum"  # the path as it was estimated in the end
 TRUTH_NAME = "truth.tum"  # simulation only
 MAP_POINTS_NAME = "map_points.csv"
 POIS_NAME = "pois.json"
+ZONES_NAME = "zones.json"  # no-go lines and areas
 SETTINGS_NAME = "settings.json"  # floor, start and seed, simulation only
 SUMMARY_NAME = "summary.json"
 DATABASE_NAME = "run.sqlite"  # every message of the run
@@ -62,6 +64,7 @@ class MapData:
     inferred: npt.NDArray[np.uint8]  # (N,) 1 where a wall was inferred, not echoed
     trajectory: FloatArray  # (K, 3) x, y, heading
     pois: list[dict[str, Any]] = field(default_factory=list)  # the records of pois.json
+    zones: tuple[Zone, ...] = ()
 
 
 def write_atomically(path: Path, data: bytes | Iterable[bytes]) -> None:
@@ -220,6 +223,16 @@ def _checked(poi: Node) -> dict[str, Any]:
     return known | {name: poi.number(name) for name in ("x_m", "y_m")}
 
 
+def read_zones(path: Path) -> tuple[Zone, ...]:
+    """No-go lines and areas as they counted last; none when there is no such file."""
+    if not path.exists():
+        return ()
+    try:
+        return of_json(load_json(path, str(path), RunFolderError))
+    except ValueError as error:
+        raise RunFolderError(f"{path}: {error}") from error
+
+
 def files_of_run(run_dir: Path) -> list[str]:
     """Which of RECORDED_NAMES the folder holds."""
     return [name for name in RECORDED_NAMES if (run_dir / name).exists()]
@@ -247,7 +260,8 @@ def read_map(run_dir: Path) -> MapData:
         points_m, inferred = points_m[near], inferred[near]
     pois = read_pois(run_dir / POIS_NAME)
     near = _on_floor(run_dir / POIS_NAME, np.array([(poi["x_m"], poi["y_m"]) for poi in pois]).reshape(-1, 2))
-    return MapData(points_m, inferred, read_path(run_dir)[1], [pois[k] for k in np.flatnonzero(near)])
+    near_pois = [pois[k] for k in np.flatnonzero(near)]
+    return MapData(points_m, inferred, read_path(run_dir)[1], near_pois, read_zones(run_dir / ZONES_NAME))
 
 
 def on_floor(places_m: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:

@@ -23,9 +23,10 @@ from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Traject
 from common.messages.mission import PlannerView
 from common.messages.points_of_interest import PointOfInterest
 from common.messages.stop import Permit
-from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, TRAJECTORY, Topic
+from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, TRAJECTORY, ZONES, Topic
 from common.mission_state import mission_state
 from common.modules import ON_ROBOT
+from common.zones import Zone, zones_of
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor
 from offboard.visualizer.operator import OperatorView
@@ -64,6 +65,7 @@ class LiveModel:
         self.playback: object = None  # of a recorded run: where the page is in it, and moments to look at
         self.moments: tuple[object, ...] = ()
         self.grid: GridUpdate | None = None
+        self.zones: tuple[Zone, ...] = ()
         self.statuses: dict[str, Status] = {}
         self.pois: dict[int, PoiRecord] = {}
         self.photos: dict[int, bytes] = {}  # until the store has them
@@ -83,6 +85,7 @@ class LiveModel:
             POI.key: self._take_poi,
             PLAN.key: self._take_plan,
             PERMIT.key: self._take_permit,
+            ZONES.key: lambda zones: self._replace("zones", zones_of(zones)),
             GRID.key: lambda grid: self._replace("grid", grid),
         }
 
@@ -141,11 +144,11 @@ class LiveModel:
         pois = [dataclasses.asdict(records[k]) for k in np.flatnonzero(on_floor(_places_m(records)))]
         trail = self.trail()
         trail = trail[on_floor(trail[:, :2])]
-        return MapData(self.points_m[near].astype(np.float64), self.inferred[near], trail, pois)
+        return MapData(self.points_m[near].astype(np.float64), self.inferred[near], trail, pois, self.zones)
 
     def drawn(self) -> Hashable:
         """Another value whenever `map_data` is another."""
-        return *(self.tokens.get(channel) for channel in ("map", "pois", "trail")), len(self._since)
+        return *(self.tokens.get(channel) for channel in ("map", "pois", "trail", "zones")), len(self._since)
 
     def _changed(self, channel: str) -> None:
         self.tokens[channel] = (next(self._versions), 0)

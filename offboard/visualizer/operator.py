@@ -16,10 +16,9 @@ from typing import Protocol
 
 from common.bus import Bus
 from common.errors import StartError, sentence
-from common.messages.mission import Operation
 from common.messages.topics import PERMIT, PLAN
 from offboard.operate import operations
-from offboard.operate.operations import Answer
+from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import look, robot_report
 from offboard.operate.stop_desk import StopDesk, StopSender
@@ -52,7 +51,7 @@ class Operator(Protocol):
     def open(self) -> None: ...
     def close(self) -> None: ...
     def stop(self) -> None: ...
-    def operate(self, operation: Operation, x_m: float, y_m: float) -> None: ...
+    def operate(self, order: Order) -> None: ...
 
 
 class NoOperator:
@@ -61,7 +60,7 @@ class NoOperator:
     def open(self) -> None: ...
     def close(self) -> None: ...
     def stop(self) -> None: ...
-    def operate(self, operation: Operation, x_m: float, y_m: float) -> None: ...
+    def operate(self, order: Order) -> None: ...
 
 
 class BusOperator:
@@ -71,7 +70,7 @@ class BusOperator:
         self._join, self._on_view = join, on_view
         self._desk = StopDesk(time.monotonic)
         self._lock = threading.Lock()
-        self._order: tuple[Operation, float, float] | None = None
+        self._order: Order | None = None
         self._orders, self._ordered = OrderSender(), ""
         self._view = OperatorView()
         self._ended = threading.Event()
@@ -88,11 +87,11 @@ class BusOperator:
     def stop(self) -> None:
         self._desk.press()
 
-    def operate(self, operation: Operation, x_m: float, y_m: float) -> None:
+    def operate(self, order: Order) -> None:
         """A newer order replaces one that was not taken yet."""
         with self._lock:
-            self._order = operation, x_m, y_m
-        _log.info("operation=%s x_m=%.2f y_m=%.2f", operation.value, x_m, y_m)
+            self._order = order
+        _log.info("%s", order)
 
     def _run(self) -> None:
         while not self._ended.is_set():
@@ -122,9 +121,8 @@ class BusOperator:
         with self._lock:
             order, self._order = self._order, None
         if order is not None:
-            operation, x_m, y_m = order
-            self._ordered, permit, draw = operation.value, bus.latest(PERMIT), secrets.randbits
-            self._orders.give(operations.new_operation(operation, permit, now_s, draw, x_m, y_m))
+            self._ordered, permit, draw = order.operation.value, bus.latest(PERMIT), secrets.randbits
+            self._orders.give(operations.new_operation(order, permit, now_s, draw))
         answer = self._orders.step(bus, now_s)
         if answer is None:
             return self._view.answer

@@ -21,7 +21,8 @@ WINDOW_BYTES = 12_000  # 0.6 s of a link of 20 kB/s; over 300 ms there and back 
 HEARTBEAT_PERIOD_S = 0.2
 MODULES_PERIOD_S = 1.0  # what they report is text for people; their ages come with every heartbeat
 # Half of all pieces are the map's: it is what a page that was just opened waits for
-_TURNS = ("plan", "map", "modules", "map", "moments", "map", "pois", "map", "trail", "map", "grid", "map")
+_OTHERS = ("plan", "zones", "modules", "moments", "pois", "trail", "grid")
+_TURNS = tuple(channel for other in _OTHERS for channel in (other, "map"))
 
 
 class Outbound:

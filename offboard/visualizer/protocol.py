@@ -20,6 +20,7 @@ import numpy as np
 from common.errors import ERRORS, ErrorInfo
 from common.mission_state import mission_state
 from common.modules import MODULES, SPECIFIED
+from common.zones import as_json
 from offboard.export.formats import EXPORTS
 from offboard.visualizer.live_model import LiveModel, ShownRun, Token
 
@@ -192,6 +193,13 @@ def _pois(model: LiveModel) -> PageMessage:
     return text_message("pois", pois=[dataclasses.asdict(record) for record in model.pois.values()])
 
 
+def _zones(model: LiveModel) -> PageMessage:
+    return text_message(
+        "zones",
+        zones=[entry | {"title": zone.title} for entry, zone in zip(as_json(model.zones), model.zones, strict=True)],
+    )
+
+
 def _module_list(model: LiveModel) -> PageMessage:
     return text_message("modules", modules=list(_modules(model)))
 
@@ -207,5 +215,6 @@ _MAKERS: dict[str, Callable[[LiveModel], PageMessage]] = {
     "pois": _pois,
     "trail": _trail,
     "grid": _grid,
+    "zones": _zones,
 }
 _URGENT = ("pose", "mission", "operator", "playback")

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from common.fields import COORDINATE
+from common.fields import COORDINATE, CORNERS_MAX
 from common.messages.mission import Operation
+from common.zones import KIND_OF
+from offboard.operate.operations import Order
 
 STOP = "stop"
 _OPERATIONS = {operation.value: operation for operation in Operation}
@@ -32,12 +34,8 @@ class Confirmation:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """`operation` None is the stop."""
-
-    operation: Operation | None
-    x_m: float = 0.0
-    y_m: float = 0.0
+class Stop:
+    """The software stop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +46,7 @@ class Replay:
     speed: float
 
 
-def parse(text: str, token: str) -> Confirmation | Order | Replay:
+def parse(text: str, token: str) -> Confirmation | Order | Stop | Replay:
     """`token`: what an order must carry; with an empty one none but a stop is taken. Raises BadRequest."""
     try:
         message = json.loads(text)
@@ -75,20 +73,43 @@ def _confirmation(message: dict[str, Any]) -> Confirmation:
     return Confirmation(received, _number(at_s))
 
 
-def _order(message: dict[str, Any], token: str) -> Order:
+def _order(message: dict[str, Any], token: str) -> Order | Stop:
     name, given = message["order"], message.get("token")
     if name == STOP:
-        return Order(None)
+        return Stop()
     if not token or not isinstance(given, str) or not hmac.compare_digest(given.encode(), token.encode()):
         raise BadRequest("no right to give orders")
     if not isinstance(name, str) or name not in _OPERATIONS:
         raise BadRequest("no order")
-    if _OPERATIONS[name] is not Operation.GOTO:
-        return Order(_OPERATIONS[name])
-    x_m, y_m = _number(message.get("x_m")), _number(message.get("y_m"))
-    if not all(COORDINATE.low <= metres <= COORDINATE.high for metres in (x_m, y_m)):
+    operation = _OPERATIONS[name]
+    if operation is Operation.GOTO:
+        return Order(operation, *_place(message.get("x_m"), message.get("y_m")))
+    if operation in KIND_OF:
+        return Order(operation, corners_m=_corners(message.get("corners_m")))
+    if operation is Operation.REMOVE_ZONE:
+        return Order(operation, zone=_count(message.get("zone")))
+    return Order(operation)
+
+
+def _place(x_m: Any, y_m: Any) -> tuple[float, float]:
+    place = _number(x_m), _number(y_m)
+    if not all(COORDINATE.low <= metres <= COORDINATE.high for metres in place):
         raise BadRequest("no place of a floor")
-    return Order(Operation.GOTO, x_m, y_m)
+    return place
+
+
+def _corners(given: Any) -> tuple[tuple[float, float], ...]:
+    if not isinstance(given, list) or len(given) > CORNERS_MAX:
+        raise BadRequest("no corners")
+    if not all(isinstance(corner, list) and len(corner) == 2 for corner in given):
+        raise BadRequest("no corner")
+    return tuple(_place(*corner) for corner in given)
+
+
+def _count(value: Any) -> int:
+    if type(value) is not int or not 0 <= value < 2**53:
+        raise BadRequest("no number of a line or area")
+    return value
 
 
 def _number(value: Any) -> float:

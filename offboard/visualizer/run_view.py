@@ -23,7 +23,8 @@ from common.errors import StartError, sentence
 from common.fields import GRID_CELLS_MAX
 from common.grid_cells import FREE, UNKNOWN, WALL
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
-from common.messages.topics import GRID, MAP, PERMIT, PLAN, POSE, STATUS, TRAJECTORY, Topic
+from common.messages.topics import GRID, MAP, PERMIT, PLAN, POSE, STATUS, TRAJECTORY, ZONES, Topic
+from common.zones import message_of
 from offboard.export import occupancy_image
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import DATABASE_NAME, RunFolderError, files_of_run, read_map, read_path
@@ -125,6 +126,7 @@ def _take_files(feed: Feed, run_dir: Path) -> None:
         pose = PoseEstimate(float(times_s[-1]), x_m, y_m, heading_rad, 0.0, 0.0, 0.0, 1)
         feed.take(POSE, pose)
         feed.take(TRAJECTORY, Trajectory(float(times_s[-1]), times_s, poses))
+    feed.take(ZONES, message_of(0.0, data.zones))
     grid = _grid(run_dir)
     if grid is not None:
         feed.take(GRID, grid)

@@ -38,7 +38,7 @@ from offboard.visualizer.exports import Exports, attachment
 from offboard.visualizer.feed import Feed, Held
 from offboard.visualizer.operator import NoOperator, Operator
 from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
-from offboard.visualizer.requests import BadRequest, Confirmation, Replay, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
 
 PAGE = Path(__file__).with_name("page")
 PAGES_MAX = 32  # the other connections are for files, photos and exports
@@ -283,10 +283,10 @@ class PageServer:
                     outbound.confirm(request)
                 elif isinstance(request, Replay):
                     self._playback.show(request.at_s, request.speed)
-                elif request.operation is None:
+                elif isinstance(request, Stop):
                     self._operator.stop()
                 else:
-                    self._operator.operate(request.operation, request.x_m, request.y_m)
+                    self._operator.operate(request)
             except BadRequest:
                 await page.close(1008)
                 return

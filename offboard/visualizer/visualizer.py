@@ -8,14 +8,14 @@ from __future__ import annotations
 from typing import Any
 
 from common.bus import Bus
-from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, STATUS, TRAJECTORY, Topic
+from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, STATUS, TRAJECTORY, ZONES, Topic
 from common.status import StatusReporter
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
 
 REFRESH_PERIOD_S = 1.0
 _EVERY_ONE: tuple[Topic[Any], ...] = (POSE, MAP, POI)
-_NEWEST: tuple[Topic[Any], ...] = (PLAN, PERMIT, TRAJECTORY, GRID, *STATUS.values())
+_NEWEST: tuple[Topic[Any], ...] = (PLAN, PERMIT, TRAJECTORY, GRID, ZONES, *STATUS.values())
 
 
 class Visualizer:

@@ -7,13 +7,14 @@ import logging
 import math
 import secrets
 from collections import deque
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from common.bus import Bus, alive, alive_and_valid, expires_s
 from common.config import Config
-from common.constants import SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
+from common.constants import PLANNER_CLEARANCE_M, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
 from common.messages.mapping import GridUpdate, PoseEstimate
@@ -33,6 +34,7 @@ from common.messages.topics import (
     POSE,
     RANGES,
     RETAKE,
+    ZONES,
     Topic,
 )
 from common.mission_state import is_stopped
@@ -40,8 +42,9 @@ from common.side_process import ProcessWorker
 from common.status import StatusReporter
 from common.undecodable import Undecodable
 from common.wall_points import WallPointMap
+from common.zones import ZONE_OPERATIONS, message_of
 from onboard.planner.driving import collision_monitor
-from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, watch
+from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, stopping_m, watch
 from onboard.planner.driving.drive_commands import BOOT_BITS, DriveCommands
 from onboard.planner.driving.poi_override import Override, after, speed
 from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
@@ -52,11 +55,15 @@ from onboard.planner.grid.grid_reading import GridError
 from onboard.planner.grid.view import Motion, View
 from onboard.planner.mission.mission import Mission
 from onboard.planner.mission.orders import Orders
-from onboard.planner.mission.table import BLOCKED, Event
+from onboard.planner.mission.table import BLOCKED, Event, Step
 from onboard.planner.routing.destination import has_floor
+from onboard.planner.zones.zone_file import ZONES_NAME
+from onboard.planner.zones.zone_guard import with_border
+from onboard.planner.zones.zone_keeper import ZoneKeeper
 
 VIEW_PERIOD_S = 0.5
 PATH_SHOWN_MAX = 2_000  # waypoints
+BACK_ROOM_M = PLANNER_CLEARANCE_M + stopping_m(SPEED_MEDIUM_M_S)  # behind it, to a border that no sonar hears
 
 _log = logging.getLogger(__name__)
 
@@ -69,9 +76,11 @@ class Planner:
     # Distances and carrier come in one bundle with the ranges, or wait for the next step
     wakes_on: tuple[Topic[Any], ...] = (POSE, RANGES, PERMIT, OPERATION, RETAKE)
 
-    def __init__(self, deliberator: Deliberator, images_walls: bool = False, boot: int = 0) -> None:
+    def __init__(
+        self, deliberator: Deliberator, images_walls: bool = False, boot: int = 0, zones: ZoneKeeper | None = None
+    ) -> None:
         """`deliberator` answers queries. `images_walls`: there is a camera, and every wall shall have been on its
-        right. `boot`: of its drive commands."""
+        right. `boot`: of its drive commands. `zones`: without, they are forgotten in the end."""
         self._deliberator = deliberator
         self._queried: deque[Query] = deque()  # in the order of their answers
         self._mission = Mission(images_walls=images_walls)
@@ -79,7 +88,10 @@ class Planner:
         self._collision = CollisionMonitor()
         self._zero_velocity = ZeroVelocityUpdate()
         self._undecodable = Undecodable()
-        self._grid_update: GridUpdate | None = None  # the newest, to be read next
+        self._zones = zones or ZoneKeeper()
+        self._zones_read = self._zones_sent = -1  # their revision in the newest grid, and as published
+        self._grid_update: GridUpdate | None = None  # the newest
+        self._update_read: GridUpdate | None = None  # of the newest query
         self._next_grid: JudgedGrid | None = None  # was read
         self._grid: GridMap | None = None
         self._grid_revision = self._revision_queried = 0
@@ -120,6 +132,7 @@ class Planner:
                 error = ErrorCode.EMERGENCY_ROUTINE
             elif self._mission.mode in BLOCKED:
                 error = ErrorCode.BLOCKED
+        self._keep_zones(bus, now_s)
         for note in self._mission.log.take():
             _log.info("%s", note)
         self._put(self._mission.pending.take(), now_s)
@@ -128,6 +141,7 @@ class Planner:
 
     def close(self) -> None:
         self._deliberator.close()
+        self._zones.close()
 
     def _take_map(self, bus: Bus, now_s: float) -> None:
         for update in bus.take(MAP):
@@ -137,10 +151,13 @@ class Planner:
         newest, pose = self._grid_update, bus.latest(POSE)
         if newest is None or pose is None or self._deliberator.busy or self._mission.pending.open:
             return  # one at a time; and a deliberation keeps its grid
-        self._grid_update = None
+        if newest is self._update_read and self._zones_read == self._zones.revision:
+            return
+        self._update_read, self._zones_read = newest, self._zones.revision
         self._revision_queried += 1
         here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-        self._put(self._mission.frontiers.query(self._revision_queried, here, newest), now_s)
+        query = self._mission.frontiers.query(self._revision_queried, here, newest, self._zones.zones)
+        self._put(query, now_s)
 
     def _put(self, query: Query | None, now_s: float) -> None:
         if query is not None:
@@ -176,11 +193,18 @@ class Planner:
         if self._orders.is_repeat(command):
             self._view_sent_s = -math.inf  # the answer was lost
             return
+        if command.operation in ZONE_OPERATIONS:
+            if pose is not None:
+                self._orders.answered(command, permit, self._order_zone(command, pose))
+                self._view_sent_s = -math.inf
+            return
         event = self._orders.event_of(command, permit)
         if event is None or (event is Event.START and pose is None):
             return  # no answer yet: it comes again
         place_m = (command.x_m, command.y_m)
-        if event is Event.GO_TO and self._grid is not None and not has_floor(self._grid, place_m):
+        if event is Event.GO_TO and self._zones.forbids(place_m):
+            event = Event.GO_FORBIDDEN
+        elif event is Event.GO_TO and self._grid is not None and not has_floor(self._grid, place_m):
             event = Event.GO_NOWHERE
         if event is Event.START:
             assert pose is not None
@@ -191,6 +215,19 @@ class Planner:
         self._orders.answered(command, permit, step)
         if command.command_id:
             self._view_sent_s = -math.inf
+
+    def _order_zone(self, command: OperatorCommand, pose: PoseEstimate) -> Step:
+        answer = self._zones.order(command, Pose2(pose.x_m, pose.y_m, pose.heading_rad))
+        _log.info("operation=%s refused=%s %s", command.operation.value, answer.refused, answer.note)
+        if not answer.refused:
+            self._mission.replan()
+        return Step(self._mission.state, refused=answer.refused, note=answer.note)
+
+    def _keep_zones(self, bus: Bus, now_s: float) -> None:
+        self._zones.step(now_s)
+        if self._zones_sent != self._zones.revision:
+            self._zones_sent = self._zones.revision
+            bus.publish(ZONES, message_of(now_s, self._zones.zones))
 
     def _take_poi_request(self, request: PoiRequest, pose: PoseEstimate | None, now_s: float) -> None:
         turning = pose is not None and _turns_on_the_spot(self._wanted, pose)
@@ -207,6 +244,8 @@ class Planner:
             return ErrorCode.NO_POSE
         if not alive(bus, RANGES) or not alive(bus, DISTANCES):
             return ErrorCode.NO_RANGES
+        if self._zones.damaged:
+            return ErrorCode.ZONES_LOST
         return ErrorCode.OK if permit is not None and permit.granted else ErrorCode.NO_PERMIT
 
     def _drive(self, bus: Bus, now_s: float, pose: PoseEstimate) -> None:
@@ -228,7 +267,9 @@ class Planner:
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
         # On the spot it may turn away from anything
         ahead = Speed.STOP if _turns_on_the_spot(self._wanted, pose) else self._wanted.speed
-        self._collision, blocked = watch(self._collision, now_s, ahead, ranges.range_m, speed_m_s)
+        here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
+        ranges_m = with_border(ranges.range_m, self._zones.guard.room_m(here, pose.heading_rad))
+        self._collision, blocked = watch(self._collision, now_s, ahead, ranges_m, speed_m_s)
         if blocked:
             self._mission.blocked(self._view(now_s, pose), self._collision.bearing_rad)
         motion = self._wanted
@@ -237,6 +278,8 @@ class Planner:
         elif self._collision.phase is Phase.BACKING:
             motion = Motion(Speed.REVERSE, pose.heading_rad)
         elif rests and not _turns_on_the_spot(motion, pose):
+            motion = Motion(Speed.STOP, pose.heading_rad)
+        if motion.speed is Speed.REVERSE and self._zones.guard.room_m(here, here.heading_rad + math.pi) < BACK_ROOM_M:
             motion = Motion(Speed.STOP, pose.heading_rad)
         self._commands.publish(bus, now_s, motion, pose)
 
@@ -259,6 +302,7 @@ class Planner:
             self._status.latest_s,
             self._commands.latest_s,
             self._deliberator.due_s(now_s),
+            self._zones.due_s(now_s),
             collision_monitor.due_s(self._collision),
             *(expires_s(bus, topic, now_s) for topic in (POSE, RANGES, DISTANCES)),
         )
@@ -305,7 +349,9 @@ def _median(values: deque[float]) -> float:
     return known[len(known) // 2] if len(known) > len(values) // 2 else math.nan
 
 
-def make_planner(config: Config, _: argparse.Namespace) -> Planner:
-    """The node of the process."""
+def make_planner(config: Config, arguments: argparse.Namespace) -> Planner:
+    """The node of the process; the zones stand in the log folder, beside the map."""
+    folder: Path | None = arguments.log_dir
     deliberator = ProcessWorker[Query, Any]("deliberation", BESIDE)
-    return Planner(deliberator, config.has_camera, secrets.randbits(BOOT_BITS))
+    zones = ZoneKeeper(folder / ZONES_NAME if folder else None)
+    return Planner(deliberator, config.has_camera, secrets.randbits(BOOT_BITS), zones)

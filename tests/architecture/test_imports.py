@@ -86,7 +86,7 @@ def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ..
 # Of each folder with rooms, from the top down: a room imports itself and what stands below it. "." is the folder itself
 ROOMS = {
     "onboard/mmu": (".", "back_end", "front_end", "map", "on_demand"),
-    "onboard/planner": (".", "mission", "driving", "exploration", "routing", "grid"),
+    "onboard/planner": (".", "mission", "driving", "exploration", "routing", "grid", "zones"),
     "deploy": (".", "verbs", "bench", "service", "boards", "local"),
     "onboard/poi": (".", "doors", "signs", "placement", "camera"),
     "offboard/simulator": (

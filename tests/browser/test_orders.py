@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import expect
 
-from common.messages.mission import Operation
+from offboard.operate.operations import Order
 from offboard.visualizer.operator import OperatorView
 from tests.browser.conftest import Robot, Visit
 
@@ -33,8 +33,8 @@ class Orders:
     def stop(self) -> None:
         self.taken.append(("stop",))
 
-    def operate(self, operation: Operation, x_m: float, y_m: float) -> None:
-        self.taken.append((operation.value, round(x_m, 2), round(y_m, 2)))
+    def operate(self, order: Order) -> None:
+        self.taken.append((order.operation.value, round(order.x_m, 2), round(order.y_m, 2)))
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from math import hypot
 from typing import Any
 
-from common.messages.mission import Operation, OperatorCommand
+from common.messages.mission import Operation, OperatorCommand, PlannerView
 from common.messages.motion import CarrierReport
-from common.messages.topics import CARRIER, OPERATION, PERMIT
+from common.messages.topics import CARRIER, OPERATION, PERMIT, PLAN
 from offboard.simulator.run.lockstep import Lockstep
 
 
@@ -23,10 +23,25 @@ class Story:
     def now_s(self) -> float:
         return self.robot.now_s
 
-    def say(self, operation: Operation) -> None:
+    def say(self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0) -> None:
         permit = self.robot.operator.latest(PERMIT)
         epoch = permit.stop_epoch if permit is not None else 0
-        self.robot.operator.publish(OPERATION, OperatorCommand(self.now_s, operation, epoch=epoch))
+        self.robot.operator.publish(OPERATION, OperatorCommand(self.now_s, operation, x_m, y_m, epoch=epoch))
+
+    def draw(self, kind: Operation, *corners_m: tuple[float, float]) -> None:
+        """A line or area, on the map."""
+        xs, ys = tuple(x_m for x_m, _ in corners_m), tuple(y_m for _, y_m in corners_m)
+        command = OperatorCommand(self.now_s, kind, corners_x_m=xs, corners_y_m=ys)
+        self.robot.operator.publish(OPERATION, command)
+
+    def view(self) -> PlannerView:
+        view = self.robot.operator.latest(PLAN)
+        assert view is not None
+        return view
+
+    def ended(self) -> bool:
+        view = self.robot.operator.latest(PLAN)
+        return view is not None and view.outcome.ends_mission
 
     def start(self) -> None:
         """Wait until it may move, and ask it to."""

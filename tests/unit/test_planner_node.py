@@ -42,6 +42,7 @@ from onboard.planner.driving.net_rotation_balancing import AHEAD_RAD
 from onboard.planner.driving.zero_velocity_update import REST_EVERY_S, REST_S
 from onboard.planner.grid.deliberation import Deliberator, Query, deferred_deliberator, load
 from onboard.planner.planner import Planner
+from onboard.planner.zones.zone_keeper import ZoneKeeper
 from tests.unit.test_planner_grid_map import drawn, hall, update_of
 
 TICK_S = 0.005
@@ -52,9 +53,9 @@ SOMETHING_AHEAD = (1.0, nan, 0.25, nan, 1.0)
 class Robot:
     """The Planner with everything around it in good order, and nothing that moves: the pose is the test's to set."""
 
-    def __init__(self, deliberator: Deliberator | None = None) -> None:
+    def __init__(self, deliberator: Deliberator | None = None, zones: ZoneKeeper | None = None) -> None:
         self.mesh = LocalMesh()
-        self.planner = Planner(deliberator or deferred_deliberator())
+        self.planner = Planner(deliberator or deferred_deliberator(), zones=zones)
         self.bus = self.mesh.endpoint("planner")
         self.bus.wake_on(self.planner.wakes_on)
         self.steps_s: list[float] = []
@@ -117,7 +118,9 @@ class Robot:
     def ask(
         self, operation: Operation, x_m: float = 0.0, y_m: float = 0.0, epoch: int = 1, command_id: int = 0
     ) -> None:
-        command = OperatorCommand(self.now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch)
+        self.order(OperatorCommand(self.now_s, operation, x_m, y_m, command_id=command_id, epoch=epoch))
+
+    def order(self, command: OperatorCommand) -> None:
         self.others.publish(OPERATION, command)
 
     def turn_to(self, heading_rad: float) -> None:

@@ -10,14 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.messages.mission import Operation
-from offboard.visualizer.requests import BadRequest, Confirmation, Order, Replay, parse
+from offboard.operate.operations import Order
+from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
 
 TOKEN = "secret"
 
 
 @pytest.mark.parametrize("token", [TOKEN, ""])
 def test_a_stop_needs_nothing(token: str) -> None:
-    assert parse('{"order": "stop"}', token) == Order(None)
+    assert parse('{"order": "stop"}', token) == Stop()
 
 
 @pytest.mark.parametrize("name", ["start", "pause", "resume", "home"])

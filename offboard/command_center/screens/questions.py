@@ -18,6 +18,8 @@ from offboard.command_center.places import UnknownPlace, find_place
 from offboard.command_center.screens.guarded import GuardedModal, T
 from offboard.command_center.snapshot import Finding, Snapshot
 from offboard.command_center.widgets.field import Field
+from offboard.command_center.zone_text import FORMS, zone_order
+from offboard.operate.operations import Order
 
 RELEASE_WORD = "release"
 _FINDINGS_SHOWN = 12
@@ -143,6 +145,38 @@ class GotoScreen(GuardedModal[tuple[float, float]]):
     def answer(self, event: Input.Submitted) -> None:
         try:
             self.dismiss(find_place(event.value, self._findings))
+        except UnknownPlace as error:
+            self._why_not.update(str(error))
+
+
+class ZoneScreen(GuardedModal[Order]):
+    """A no-go line or area, or one to explore alone, by its corners; or the number of one to be removed."""
+
+    heading = "No-go lines and areas"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._known = Static(markup=False, classes="question")
+        self._why_not = Static(markup=False, classes="warning")
+        self._zone = Field(placeholder="line 3,-1 3,1", id="zone")
+
+    def content(self) -> ComposeResult:
+        yield self._known
+        yield self._zone
+        yield self._why_not
+
+    def on_mount(self) -> None:
+        self.show(self.center.node.snapshot())
+        self.set_focus(self._zone)
+
+    def show(self, snapshot: Snapshot) -> None:
+        there = "; ".join(zone.title for zone in snapshot.zones) or "none"
+        self._known.update(f"There: {there}.\nWrite {FORMS}; metres on the map.")
+
+    @on(Input.Submitted)
+    def answer(self, event: Input.Submitted) -> None:
+        try:
+            self.dismiss(zone_order(event.value.split()))
         except UnknownPlace as error:
             self._why_not.update(str(error))
 

@@ -8,11 +8,11 @@ from rich.style import Style
 from rich.text import Text
 from textual.widgets import Static
 
-from offboard.command_center.mini_map import EMPTY, INFERRED, PATH, TRAIL, WALL, Raster, draw
+from offboard.command_center.mini_map import EMPTY, INFERRED, PATH, TRAIL, WALL, ZONE, Raster, draw
 from offboard.command_center.snapshot import FloorPicture
 from offboard.command_center.widgets.titles import title
 
-_COLOURS = {EMPTY: "#0d1117", PATH: "#1f4b6e", TRAIL: "#2f81f7", INFERRED: "#6e7681", WALL: "#e6edf3"}
+_COLOURS = {EMPTY: "#0d1117", PATH: "#1f4b6e", TRAIL: "#2f81f7", INFERRED: "#6e7681", WALL: "#e6edf3", ZONE: "#d29922"}
 _STYLES = {
     (above, below): Style(color=_COLOURS[above], bgcolor=_COLOURS[below]) for above in _COLOURS for below in _COLOURS
 }

@@ -78,6 +78,12 @@ def drive_lines(snapshot: Snapshot) -> list[Line]:
     return [_line("Speed", standing, style, note), _line("Battery", f"{carrier.battery_v:.1f} V", style)]
 
 
+def zone_lines(snapshot: Snapshot) -> list[Line]:
+    """What a person drew, where there is anything."""
+    titles = [zone.title for zone in snapshot.zones]
+    return [_line("Kept out by", ", ".join(titles))] if titles else []
+
+
 def page_lines(snapshot: Snapshot, page: str) -> list[Line]:
     """The address of the live map, once that reports."""
     there = any(row.module == "visualizer" and row.status is not None for row in snapshot.rows)
@@ -89,6 +95,7 @@ def all_lines(snapshot: Snapshot, page: str) -> list[Line]:
         mission_line(snapshot),
         motion_line(snapshot),
         *map_lines(snapshot),
+        *zone_lines(snapshot),
         position_line(snapshot),
         *drive_lines(snapshot),
         *page_lines(snapshot, page),

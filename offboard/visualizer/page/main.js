@@ -13,11 +13,12 @@ import { place } from "./poi_text.js";
 import { Paper } from "./paper.js";
 import { ScreenScale } from "./screen_scale.js";
 import { Timeline } from "./timeline.js";
+import { Zones } from "./zones.js";
 
 const AGE_PERIOD_MS = 200;
 const CLOSE_UP = 34; // CSS pixels per metre, to look at a point of interest
 // Where a channel changes the map. A grid is drawn when it is unpacked, and the trail grows below the robot
-const DRAWN = { pose: "below", map: "below", trail: "below", pois: "below", plan: "above", mission: "above" };
+const DRAWN = { zones: "above", pose: "below", map: "below", trail: "below", pois: "below", plan: "above", mission: "above" };
 const $ = (id) => document.getElementById(id);
 
 export const model = new Model();
@@ -35,8 +36,12 @@ export const map = new MapView($("stage"), model, () => {
 const gestures = new Gestures(map, showTools);
 const orders = new Orders(model, {
   send: (message) => link.send(message),
-  picking: (onPick) => gestures.pick(onPick),
+  picking: (onPick) => {
+    if (onPick) zones.leave();
+    gestures.pick(onPick);
+  },
 });
+const zones = new Zones(map, orders, (onPick) => gestures.pick(onPick));
 const timeline = new Timeline(model, (message) => link.send(message));
 const paper = new Paper(map, model, screenScale);
 const dialog = new PoiDialog({
@@ -76,6 +81,7 @@ function take(channel, message) {
   if (channel === "playback") timeline.show();
   if (channel === "playback" || channel === "moments") timeline.showMoments();
   if (channel === "operator" || channel === "hello") orders.show();
+  if (["operator", "hello", "zones"].includes(channel)) zones.show();
   const drawn = DRAWN[channel];
   if (drawn) map.draw(drawn === "below");
 }
@@ -133,6 +139,7 @@ function key(event) {
     else orders.stop();
   }
   if (event.key === "Escape" && orders.going) orders.leave();
+  if (event.key === "Escape" && zones.drawing) zones.leave();
   if (event.key === "/") {
     event.preventDefault();
     $("search").focus();
@@ -159,6 +166,7 @@ const link = new Link({
     model.link(...state);
     panel.show();
     orders.show();
+    zones.show();
     map.draw(false);
   },
   held: () => model.held,

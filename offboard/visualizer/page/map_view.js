@@ -22,6 +22,7 @@ export class MapView {
     this.overlay = stage.querySelector("#overlay");
     this.floor = null; // {bitmap, grid, tinted}
     this.paper = false; // it is being printed
+    this.layers = []; // (context, view, colours) each, above walls and below the robot
     this.worker = new Worker("floor_worker.js");
     this.worker.onmessage = ({ data }) => this.#floorReady(data);
     this.decoding = null;
@@ -50,7 +51,7 @@ export class MapView {
 
   recolour() {
     const style = getComputedStyle(document.documentElement);
-    const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "ink", "paper", "start"];
+    const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "ink", "paper", "start", "zone"];
     this.colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
     this.stained = true;
     if (this.floor) this.#tintFloor();
@@ -256,6 +257,7 @@ export class MapView {
     context.clearRect(0, 0, context.canvas.width, context.canvas.height);
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     context.lineCap = context.lineJoin = "round";
+    for (const layer of this.layers) layer(context, this.view, this.colours);
     const live = ["live", "recorded"].includes(this.model.state);
     if (live) this.#drawPlan(context);
     if (this.model.pose) this.#drawRobot(context, live && this.model.pose.valid);

@@ -30,6 +30,7 @@ export class Model {
     this.coming = this.walls; // the corrected map, of which not all has arrived yet
     this.total = 0; // points of it
     this.grid = null;
+    this.zones = []; // no-go lines and areas: {number, kind, title, corners_m}
     this.trail = []; // x, y, x, y ...
     this.driven = 0; // metres
     this.since = {}; // when the last pose, anything from the "robot", a module's status arrived, on this page's clock
@@ -135,6 +136,10 @@ export class Model {
 
   _grid(message) {
     this.grid = message;
+  }
+
+  _zones({ zones }) {
+    this.zones = zones;
   }
 
   _operator(message) {

@@ -18,6 +18,7 @@ export class Orders {
   constructor(model, { send, picking }) {
     Object.assign(this, { model, send, picking });
     this.going = false; // the next click is where to drive
+    this.prompt = () => ""; // what else waits for clicks, in words
     this.stops = document.querySelectorAll(".stop"); // one in every dialog too: those cover the rest of the page
     for (const button of this.stops) button.onclick = () => this.stop();
     $("orders").onclick = ({ target }) => this.#order(target.closest("[data-order]")?.dataset.order);
@@ -29,7 +30,11 @@ export class Orders {
 
   goto(x_m, y_m) {
     this.#go(false);
-    this.#send({ order: "goto", x_m, y_m });
+    this.give({ order: "goto", x_m, y_m });
+  }
+
+  give(message) {
+    this.send({ ...message, token: this.model.token });
   }
 
   leave() {
@@ -49,11 +54,7 @@ export class Orders {
 
   #order(name) {
     if (name === "goto") this.#go(!this.going);
-    else if (name) this.#send({ order: name });
-  }
-
-  #send(message) {
-    this.send({ ...message, token: this.model.token });
+    else if (name) this.give({ order: name });
   }
 
   #go(on) {
@@ -76,7 +77,7 @@ export class Orders {
     }
     for (const button of $("orders").querySelectorAll("button")) button.disabled = !this.allowed;
     $("orders").querySelector('[data-order="goto"]').setAttribute("aria-pressed", this.going);
-    const asked = this.going ? "Click on the floor or on a door: the robot drives there. Esc ends." : "";
+    const asked = this.prompt() || (this.going ? "Click on the floor or on a door: the robot drives there. Esc ends." : "");
     const stopped = ["SENT", "LATCHED", "RELEASED"].includes(operator.stop) ? meaning : "";
     const text = asked || this.hindrance || stopped || operator.answer;
     if ($("answer").textContent !== text) $("answer").textContent = text;

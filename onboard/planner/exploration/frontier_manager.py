@@ -14,9 +14,10 @@ import numpy as np
 
 from common.geometry import Pose2
 from common.messages.mapping import GridUpdate
+from common.zones import Zone
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, FrontierMemory
-from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid, Offer, PlanTours
+from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid, JudgeLeftOut, Offer, PlanTours
 from onboard.planner.exploration.recovery_memory import Obstacles
 from onboard.planner.exploration.trail import Trail
 from onboard.planner.grid.deliberation import Deliberation
@@ -27,6 +28,7 @@ from onboard.planner.routing.path_following import Path
 FORGOTTEN_MAX = 5  # then an obstacle that leaves no path is one that stays
 LIST_PATIENCE = 3  # grids without any reachable frontier before the floor counts as done
 BLACKLISTED_MAX = 50  # are listed
+KEPT_OUT = "a no-go line or area keeps the robot from it"
 STILL_WANTED_M = 0.5  # between the end of a path and the frontier it was planned for
 
 
@@ -43,10 +45,12 @@ class FrontierManager:
         self._empty_lists = 0
         self._forgotten = 0  # how often all obstacles were, for an empty list
 
-    def query(self, revision: int, pose: Pose2, update: GridUpdate | None = None) -> JudgeGrid:
-        """About a grid, with all that is to be left out now."""
+    def query(
+        self, revision: int, pose: Pose2, update: GridUpdate | None = None, zones: tuple[Zone, ...] = ()
+    ) -> JudgeGrid:
+        """About a grid, with all that is to be left out now; `zones` belong to an `update`."""
         left_out, obstacles = self._memory.left_out, self._obstacles.places
-        return JudgeGrid(revision, pose, left_out, obstacles, self.trail.points, self._changes, update)
+        return JudgeGrid(revision, pose, left_out, obstacles, self.trail.points, self._changes, update, zones)
 
     def take_in(self, judged: JudgedGrid) -> None:
         """The answer."""
@@ -104,10 +108,11 @@ class FrontierManager:
 
     def blacklisted(self, view: View) -> Deliberation[tuple[str, ...]]:
         """What is left unseen when exploration ends: places with the reason for each."""
-        asked = JudgeGrid(view.grid_revision, view.pose, (), (), self.trail.points, self._changes)
-        judged: JudgedGrid = yield asked
-        listed = judged.groups[:BLACKLISTED_MAX]
-        return tuple(f"{group.x_m:.1f},{group.y_m:.1f}: {self._memory.reason(group.points)}" for group in listed)
+        listed: list[tuple[FrontierGroup, bool]] = yield JudgeLeftOut(view.grid_revision, view.pose, self.trail.points)
+        return tuple(
+            f"{group.x_m:.1f},{group.y_m:.1f}: {KEPT_OUT if kept_out else self._memory.reason(group.points)}"
+            for group, kept_out in listed[:BLACKLISTED_MAX]
+        )
 
     @property
     def second_try(self) -> bool:

@@ -9,13 +9,14 @@ import numpy as np
 
 from common.geometry import Points, Pose2
 from common.messages.mapping import GridUpdate
+from common.zones import Zone
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, groups, together, worth_a_visit
 from onboard.planner.exploration.recovery_memory import Places, blocked_cells
 from onboard.planner.exploration.unknown_floor import UnknownFloor
 from onboard.planner.exploration.wall_imaging import Imaged, spots
 from onboard.planner.grid.deliberation import Grids
 from onboard.planner.grid.grid_map import Cell, GridMap, Mask
-from onboard.planner.grid.grid_reading import GridError, read
+from onboard.planner.grid.grid_reading import GridError, read, without_zones
 from onboard.planner.routing.path_following import Path
 from onboard.planner.routing.route_planning import cell_prices, cheapest_path
 from onboard.planner.routing.tour import PLACES_MAX, tours_m
@@ -43,7 +44,8 @@ class JudgeGrid:
     """What is on the list? `left_out` of the frontier, `obstacles` on the floor, `changes`: which version of both;
     the `trail` (N, 2) that the robot drove.
 
-    `update` is the grid itself where that is new. The answer is a JudgedGrid, or a GridError where the update is none.
+    `update`, with what `zones` keep the robot out of, is the grid itself where that is new. The
+    answer is a JudgedGrid, or a GridError where the update is none.
     """
 
     revision: int
@@ -53,27 +55,50 @@ class JudgeGrid:
     trail: Points
     changes: int
     update: GridUpdate | None = None
+    zones: tuple[Zone, ...] = ()
 
     def answer(self, grids: Grids) -> JudgedGrid | GridError:
         new = None
         if self.update is not None:
             try:
-                new = read(self.update)
+                new = read(self.update, self.zones)
             except GridError as error:
                 return error
             grids.put(self.revision, new)
         grid = grids.of(self.revision)
-        out_of_reach = ~self._reachable(grid) | blocked_cells(grid, self.obstacles)
+        out_of_reach = ~_reachable(grid, self.pose) | blocked_cells(grid, self.obstacles)
         frontier = worth_a_visit(grid, out_of_reach, self.pose, self.left_out)
         listed = groups(frontier, UnknownFloor(grid, self.trail))
         return JudgedGrid(self.revision, together(listed), listed, self.changes, new)
 
-    def _reachable(self, grid: GridMap) -> Mask:
-        """Cells (rows, columns): a ray that passed where no wall had echoed yet shows floor outside the building."""
-        here = grid.cell(self.pose.x_m, self.pose.y_m)
-        if not grid.contains(here):
-            return np.ones(grid.cells.shape, dtype=bool)
-        return WalkingDistances(cell_prices(grid, here), grid.cell_m).reachable(here, grid.cells.shape)
+
+def _reachable(grid: GridMap, pose: Pose2) -> Mask:
+    """Cells (rows, columns): a ray that passed where no wall had echoed yet shows floor outside the building."""
+    here = grid.cell(pose.x_m, pose.y_m)
+    if not grid.contains(here):
+        return np.ones(grid.cells.shape, dtype=bool)
+    return WalkingDistances(cell_prices(grid, here), grid.cell_m).reachable(here, grid.cells.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class JudgeLeftOut:
+    """What would still be to be seen if nothing were deferred, in the way, or kept out by zones?
+
+    The answer has the entries, each with whether it is zones alone that keep the robot from it.
+    """
+
+    revision: int
+    pose: Pose2
+    trail: Points
+
+    def answer(self, grids: Grids) -> list[tuple[FrontierGroup, bool]]:
+        grid = grids.of(self.revision)
+        bare = without_zones(grid)
+        open_to_all = _reachable(bare, self.pose)
+        frontier = worth_a_visit(bare, ~open_to_all, self.pose)
+        reached = open_to_all if bare is grid else _reachable(grid, self.pose)
+        listed = groups(frontier, UnknownFloor(bare, self.trail))
+        return [(group, not reached[tuple(group.cells.T)].any()) for group in listed]
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,8 @@ Cell = tuple[int, int]  # row, column
 
 @dataclass(frozen=True)
 class GridMap:
-    """`cells` (rows, columns) of UNKNOWN, FREE, WALL; `origin` is the outer corner of cell (0, 0) in the map."""
+    """`cells` (rows, columns) of UNKNOWN, FREE, WALL, or kept out by zones, which is above all of them;
+    `origin` is the outer corner of cell (0, 0) in the map."""
 
     cells: npt.NDArray[np.uint8]
     origin_x_m: float
@@ -92,8 +93,9 @@ class GridMap:
 
     @cached_property
     def wall_distance2(self) -> SquaredDistances:
-        """(rows, columns) to the nearest wall cell, in cells, squared; at most CLEARANCE_MAX_CELLS far."""
-        return _squared_distance(self.cells == WALL, CLEARANCE_MAX_CELLS)
+        """(rows, columns) to the nearest cell that is a wall or kept out, in cells, squared; at most
+        CLEARANCE_MAX_CELLS far."""
+        return _squared_distance(self.cells >= WALL, CLEARANCE_MAX_CELLS)
 
     @cached_property
     def clearances_m(self) -> npt.NDArray[np.float32]:
@@ -147,8 +149,8 @@ class GridMap:
         return rows, columns
 
     def sees(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
-        """No wall between two positions."""
-        return not bool((self.cells[self.line(a, b)] == WALL).any())
+        """No wall, and nothing that is kept out, between two positions."""
+        return not bool((self.cells[self.line(a, b)] >= WALL).any())
 
     def sees_each(self, a: Points, b: Points) -> Mask:
         """Of each pair of positions a and b (N, 2), or (2,) for all of them: no wall between (N,)."""

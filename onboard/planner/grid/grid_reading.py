@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from common.messages.mapping import GridUpdate
+from common.zones import Zone
 from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, GridMap, close_slivers
+from onboard.planner.zones.zone_cells import NO_GO, marked, unmarked
 
 MARGIN_CELLS = 4  # around what is known
 TILE_CELLS = 400  # along both axes
@@ -22,8 +25,9 @@ class GridError(ValueError):
     """This message is no grid; the message is one sentence with the reason."""
 
 
-def read(update: GridUpdate) -> GridMap:
-    """What is known of the grid, with a margin, the gaps between neighbouring rays closed.
+def read(update: GridUpdate, zones: Sequence[Zone] = ()) -> GridMap:
+    """What is known of the grid, with a margin, the gaps between neighbouring rays closed, and what `zones` keep the
+    robot out of marked.
 
     Raises GridError when the cells cannot be unpacked or do not fill the announced shape.
     """
@@ -37,13 +41,28 @@ def read(update: GridUpdate) -> GridMap:
         update.origin_x_m + float(c0) * update.cell_m,
         update.origin_y_m + float(r0) * update.cell_m,
     )
+    return _tile_by_tile(
+        GridMap(marked(raw, (origin_x_m, origin_y_m), update.cell_m, zones), origin_x_m, origin_y_m, update.cell_m)
+    )
+
+
+def without_zones(grid: GridMap) -> GridMap:
+    """As it would be if nothing were kept out; the same where nothing is."""
+    if not (grid.cells >= NO_GO).any():
+        return grid
+    return _tile_by_tile(replace(grid, cells=unmarked(grid.cells)))
+
+
+def _tile_by_tile(grid: GridMap) -> GridMap:
+    """The gaps closed, clearance and frontier computed."""
+    raw = grid.cells
     cells, frontier = np.empty(raw.shape, np.uint8), np.empty(raw.shape, np.bool_)
     wall_distance2 = np.empty(raw.shape, np.int16)
     for tile, around, inside in tiles(raw.shape, TILE_CELLS, HALO_CELLS):
-        part = GridMap(close_slivers(raw[around]), origin_x_m, origin_y_m, update.cell_m)
+        part = replace(grid, cells=close_slivers(raw[around]))
         cells[tile], wall_distance2[tile] = part.cells[inside], part.wall_distance2[inside]
         frontier[tile] = part.frontier[inside]
-    grid = GridMap(cells, origin_x_m, origin_y_m, update.cell_m)
+    grid = replace(grid, cells=cells)
     vars(grid).update(wall_distance2=wall_distance2, frontier=frontier)  # where its cached properties look
     return grid
 

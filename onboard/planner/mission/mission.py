@@ -66,6 +66,12 @@ class Mission:
         """What it is doing."""
         return self.state.mode
 
+    def replan(self) -> None:
+        """What it was about to drive along may not be open to it any more, or not be all that is open."""
+        self.path = []
+        self.pending.abandon()
+        self.frontiers.judge_anew()
+
     def order(self, event: Event, place_m: tuple[float, float] = (0.0, 0.0)) -> Step:
         """What an operator or the permit wants of it; `place_m` in the map is where a goto leads."""
         self._patience.renew()

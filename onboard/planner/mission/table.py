@@ -43,6 +43,7 @@ class Event(Enum):
     GO_HOME = "home"
     GO_TO = "goto"
     GO_NOWHERE = "goto where no floor is known"
+    GO_FORBIDDEN = "goto where a zone keeps it out"
     PAUSE = "pause"
     RESUME_STOP = "resume of a stop"
     RESUME = "resume"
@@ -126,6 +127,7 @@ TABLE = (
     Row(Event.GO_HOME, GOING_HOME, Mode.HOME),
     Row(Event.GO_TO, ALL, Mode.GOTO, aim=Outcome.ARRIVED, outcome=Outcome.NONE),
     Row(Event.GO_NOWHERE, ALL, refused="No floor is known there on which the robot could stand."),
+    Row(Event.GO_FORBIDDEN, ALL, refused="A no-go line or area keeps the robot from that place."),
     Row(Event.PAUSE, ALL),
     Row(Event.RESUME_STOP, ALL),
     Row(Event.RESUME, ALL),
