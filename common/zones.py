@@ -167,9 +167,8 @@ def gap_m(zones: Sequence[Zone], x_m: float, y_m: float) -> float:
     share = np.clip(((point - start) * along).sum(axis=1) / length2, 0.0, 1.0)
     nearest = np.hypot(*(start + share[:, None] * along - point).T)
     counts = _bounds(zones, sides, start + share[:, None] * along)
-    if bool(keeps_out(zones, point)[0]):
-        return -float(nearest[counts].min(initial=0.0)) if counts.any() else 0.0
-    return float(nearest[counts].min(initial=np.inf))
+    gap = float(nearest[counts].min(initial=np.inf))
+    return -gap if bool(keeps_out(zones, point)[0]) else gap
 
 
 def _bounds(zones: Sequence[Zone], sides: FloatArray, at: Points) -> Mask:

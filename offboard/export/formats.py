@@ -81,7 +81,7 @@ EXPORTS: dict[str, ExportFormat] = {
         LiveExport("image/png", exporters.png),
     ),
     "dxf": ExportFormat(
-        "for CAD, in metres: layers walls, inferred, doors, text",
+        "for CAD, in metres: layers walls, inferred, doors, text, no-go",
         exporters.drawing("map.dxf", exporters.dxf),
         LiveExport("image/vnd.dxf", exporters.dxf),
         needs=("ezdxf",),

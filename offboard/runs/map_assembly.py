@@ -52,8 +52,8 @@ class MapAssembly:
     def unpack(cls, packed: Sequence[Any]) -> MapAssembly:
         assembly = cls()
         assembly.missing, assembly._revision, points_m, inferred = packed
-        assembly._points_m = np.frombuffer(points_m, np.float32).reshape(-1, 2)
-        assembly._inferred = np.frombuffer(inferred, np.uint8)
+        assembly._points_m = np.frombuffer(points_m, np.float32).reshape(-1, 2).copy()  # to be appended to
+        assembly._inferred = np.frombuffer(inferred, np.uint8).copy()
         assembly._length = len(assembly._inferred)
         assembly._holes = assembly._count_holes()
         return assembly

@@ -11,6 +11,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import expect
 
+from common.messages.mission import Operation
+from common.messages.topics import ZONES
+from common.zones import Zone, ZoneKind, message_of
 from offboard.operate.operations import Order
 from offboard.visualizer.operator import OperatorView
 from tests.browser.conftest import Robot, Visit
@@ -25,6 +28,7 @@ class Orders:
 
     def __init__(self) -> None:
         self.taken: list[tuple[Any, ...]] = []
+        self.given: list[Order] = []
 
     def open(self) -> None: ...
 
@@ -34,6 +38,7 @@ class Orders:
         self.taken.append(("stop",))
 
     def operate(self, order: Order) -> None:
+        self.given.append(order)
         self.taken.append((order.operation.value, round(order.x_m, 2), round(order.y_m, 2)))
 
 
@@ -97,6 +102,35 @@ def test_a_click_on_the_floor_or_on_a_door_is_where_it_drives_to(robot: Robot, o
     page.get_by_role("button", name="Door 102 Laboratory").click()
     page.get_by_role("button", name="Drive there").click()
     seen.until(lambda: orders.taken[1:] == [("goto", 2.5, 0.0)], "the order to the door")
+
+
+def test_lines_and_areas_are_drawn_by_clicks_shown_as_the_robot_reports_and_removed(
+    robot: Robot, orders: Orders, visit: Open
+) -> None:
+    seen = visit(robot)
+    seen.until_live(robot)
+    page = seen.page
+    page.get_by_role("button", name="No-go area").click()
+    stage = page.locator("#stage").bounding_box()
+    assert stage is not None
+    corners = [(3.0, 0.5), (5.0, 0.5), (5.0, 2.0)]
+    for count, (x_m, y_m) in enumerate(corners):
+        expect(page.locator("#answer")).to_contain_text(f"{count} so far")
+        assert page.locator("#drawn").is_disabled()
+        x, y = page.evaluate(f"import('./main.js').then(({{ map }}) => map.view.toScreen({x_m}, {y_m}))")
+        page.mouse.click(stage["x"] + x, stage["y"] + y)
+    page.get_by_role("button", name="Done", exact=True).click()
+    seen.until(lambda: len(orders.given) == 1, "the order")
+    (order,) = orders.given
+    assert order.operation is Operation.NO_GO_AREA
+    assert [pytest.approx(corner, abs=0.02) for corner in order.corners_m] == corners
+    robot.feed.take(ZONES, message_of(0.0, (Zone(4, ZoneKind.AREA, order.corners_m),)))
+    page.get_by_role("button", name="Remove no-go area 4").click()
+    seen.until(lambda: orders.given[1:] == [Order(Operation.REMOVE_ZONE, zone=4)], "the order to remove it")
+    page.get_by_role("button", name="No-go line").click()
+    page.keyboard.press("Escape")
+    expect(page.locator("#drawn")).to_be_hidden()
+    assert len(orders.given) == 2
 
 
 FOREIGN = b"""<!doctype html><title>foreign</title><script>

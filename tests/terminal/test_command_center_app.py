@@ -253,6 +253,7 @@ async def test_a_resume_of_a_latched_stop_promises_nothing(tmp_path: Path) -> No
         (("R", "enter"), Operation.RESUME),
         (("h", "enter"), Operation.HOME),
         (("g", *"214", "enter"), Operation.GOTO),
+        (("z", *"line", "space", *"3,-1", "space", *"3,1", "enter"), Operation.NO_GO_LINE),
     ],
 )
 @piloted
@@ -276,6 +277,9 @@ async def test_operations_are_asked_for_where_they_move_the_robot_and_repeated_u
         assert len({command.command_id for command in rig.operations}) == 1
         if operation is Operation.GOTO:
             assert (rig.operations[0].x_m, rig.operations[0].y_m) == (7.0, 1.5)
+        if operation is Operation.NO_GO_LINE:
+            assert rig.operations[0].corners_x_m == (3.0, 3.0)
+            assert rig.operations[0].corners_y_m == (-1.0, 1.0)
         result = rig.node.snapshot().operation
         assert result is not None
         assert result.sentence == f"The planner took the {operation.value}."

@@ -62,7 +62,7 @@ def test_a_refusal_has_a_sentence_and_is_of_an_operator() -> None:
     for state, event in ALL:
         step = after(state, event)
         if step.refused:
-            assert event in (Event.START, Event.RESUME, Event.GO_NOWHERE)
+            assert event in (Event.START, Event.RESUME, Event.GO_NOWHERE, Event.GO_FORBIDDEN)
             assert step.note.endswith(".")
 
 

@@ -19,7 +19,8 @@ from common.errors import ErrorCode
 from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
 from common.messages.mission import Outcome, PlannerView
 from common.messages.points_of_interest import PointOfInterest
-from common.messages.topics import MAP, PLAN, POI, POSE, STATUS, TRAJECTORY
+from common.messages.topics import MAP, PLAN, POI, POSE, STATUS, TRAJECTORY, ZONES
+from common.zones import Zone, ZoneKind, message_of
 from offboard.recorder.recorder import WRITE_PERIOD_S, Recorder
 from offboard.runs import run_folder
 from offboard.runs.map_assembly import MapAssembly
@@ -119,6 +120,20 @@ def test_map_increments_append_and_a_new_beginning_replaces_all(run: Run) -> Non
     run.say(MAP, map_update(0, [7.0], revision=2))
     run.recorder.close()
     assert xs_of_map(run.folder) == [7.0]
+
+
+def test_what_a_person_drew_is_in_the_run_folder_also_after_a_restart(run: Run) -> None:
+    line = Zone(1, ZoneKind.LINE, ((3.0, -1.0), (3.0, 1.0)))
+    run.say(MAP, map_update(0, [1.0]))
+    run.step(WRITE_PERIOD_S)
+    assert run_folder.read_map(run.folder).zones == ()
+    run.say(ZONES, message_of(1.0, (line,)))
+    run.recorder.close()
+    assert run_folder.read_map(run.folder).zones == (line,)
+    run.recorder = Recorder(run.folder)
+    run.say(MAP, map_update(1, [2.0]))
+    run.step(WRITE_PERIOD_S)
+    assert run_folder.read_map(run.folder).zones == (line,)
 
 
 def test_lost_map_points_are_noticed_until_the_map_begins_anew(run: Run, caplog: pytest.LogCaptureFixture) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -14,6 +15,19 @@ from offboard.operate.operations import Order
 from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
 
 TOKEN = "secret"
+
+
+def test_lines_and_areas_come_with_their_corners_and_leave_by_their_number() -> None:
+    text = json.dumps({"order": "no-go-line", "corners_m": [[1, 2], [3.5, -4]], "token": TOKEN})
+    assert parse(text, TOKEN) == Order(Operation.NO_GO_LINE, corners_m=((1.0, 2.0), (3.5, -4.0)))
+    text = json.dumps({"order": "remove-zone", "zone": 3, "token": TOKEN})
+    assert parse(text, TOKEN) == Order(Operation.REMOVE_ZONE, zone=3)
+
+
+@pytest.mark.parametrize("corners", [None, 7, [[1]], [[1, "2"]], [[1, 1e9]], [[0, 0]] * 51, [{"x": 1}]])
+def test_corners_that_are_none_are_refused(corners: Any) -> None:
+    with pytest.raises(BadRequest):
+        parse(json.dumps({"order": "only-here", "corners_m": corners, "token": TOKEN}), TOKEN)
 
 
 @pytest.mark.parametrize("token", [TOKEN, ""])

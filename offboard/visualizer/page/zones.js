@@ -79,8 +79,8 @@ export class Zones {
   }
 
   #changed() {
-    this.show();
     this.orders.show();
+    this.show();
     this.map.draw(false);
   }
 

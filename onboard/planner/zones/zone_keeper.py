@@ -46,8 +46,7 @@ class ZoneKeeper:
         self._file = file
         self._disk: SideWorker[Callable[[], Any], Any] | None = None  # once there is something to store
         self._retry_s = float("-inf")
-        self._to_store = False
-        self.revision = 0
+        self.revision = self._stored = 0
         loaded = _load(file) if file is not None else ()
         self.damaged = loaded is None
         self.zones: tuple[Zone, ...] = loaded or ()
@@ -78,15 +77,15 @@ class ZoneKeeper:
         """Stores what has changed."""
         outcome = self._disk.result(now_s) if self._disk is not None else None
         if outcome is not None and outcome.error is not None:
-            _log.error("zones not stored file=%s error=%s", self._file, outcome.error)
-            self._to_store, self._retry_s = True, now_s + RETRY_S
-        zones, file = self.zones, self._file
-        if not self._to_store or file is None or now_s < self._retry_s:
+            self._refused(outcome.error)
+            self._retry_s = now_s + RETRY_S
+        elif outcome is not None and outcome.value is not None:
+            self._stored = outcome.value
+        if not self._to_store or now_s < self._retry_s:
             return
         self._disk = self._disk or disk_worker("zones")
         if not self._disk.busy:
-            self._to_store = False
-            self._disk.begin(lambda: write_zones(file, zones), now_s)
+            self._disk.begin(self._store, now_s)
 
     def due_s(self, now_s: float) -> float:
         """When `step` has something to do (s)."""
@@ -95,9 +94,29 @@ class ZoneKeeper:
         return max(now_s, self._retry_s) if self._to_store else float("inf")
 
     def close(self) -> None:
-        """Waits for what is being stored."""
-        if self._disk is not None:
-            self._disk.close()
+        """Stores what is not yet."""
+        outcome = self._disk.close() if self._disk is not None else None
+        if outcome is not None and outcome.value is not None:
+            self._stored = outcome.value
+        if self._to_store:
+            try:
+                self._store()
+            except OSError as error:
+                self._refused(error)
+
+    @property
+    def _to_store(self) -> bool:
+        return self._file is not None and self._stored != self.revision
+
+    def _store(self) -> int:
+        """The revision that the disk has then; called by its thread."""
+        revision, zones = self.revision, self.zones  # in this order: newer zones are stored once more
+        if self._file is not None:
+            write_zones(self._file, zones)
+        return revision
+
+    def _refused(self, error: Exception) -> None:
+        _log.error("zones not stored file=%s error=%s", self._file, error)
 
     def _remove(self, number: int) -> ZoneAnswer:
         """Number 0 means all of them."""
@@ -110,7 +129,6 @@ class ZoneKeeper:
     def _become(self, zones: tuple[Zone, ...]) -> None:
         self.zones, self.guard, self.damaged = zones, ZoneGuard(zones), False
         self.revision += 1
-        self._to_store = self._file is not None
         _log.info("zones=%s", "; ".join(f"{zone.title} {zone.corners_m}" for zone in zones) or "none")
 
 
