@@ -27,8 +27,7 @@ from common.messages.topics import GRID, MAP, POI, POSE, STATUS
 from offboard.export import map_picture
 from offboard.export.title import TitleBlock
 from offboard.runs.run_folder import MapData
-from offboard.visualizer import connections
-from offboard.visualizer import server as server_module
+from offboard.visualizer import connections, open_pages
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer
@@ -252,7 +251,7 @@ def test_a_reader_that_never_reads_is_given_up(feed: Feed, monkeypatch: pytest.M
 
 
 def test_no_more_pages_than_may_be_look_at_a_time(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server_module, "PAGES_MAX", 1)
+    monkeypatch.setattr(open_pages, "PAGES_MAX", 1)
     with live(server) as page:
         page.next(5.0)
         with pytest.raises(InvalidStatus):
