@@ -94,14 +94,16 @@ AT_ONCE = "and at once on change"
 ODOMETRY = _topic(
     "bridge/odometry", Odometry, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner recorder command_center", "lfc_sim_mmu"
 )
-RANGES = _topic("bridge/ranges", Ranges, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner poi recorder", "lfc_sim_mmu")
+RANGES = _topic(
+    "bridge/ranges", Ranges, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner poi recorder visualizer", "lfc_sim_mmu"
+)
 DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, QosProfile.LATEST, "planner recorder", "lfc_sim_pln")
 CARRIER = _topic(
     "bridge/carrier",
     CarrierReport,
     SENSOR_RATE_HZ,
     QosProfile.LATEST,
-    "planner comm recorder command_center",
+    "planner comm recorder command_center visualizer",
     "lfc_pln_car",
     AT_ONCE,
 )

@@ -11,16 +11,17 @@ import secrets
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from common.clock import FreeClock
-from common.config import BridgeSection, Config, MeshSection
+from common.config import BridgeSection, Config, MeshSection, VisualizerSection
 from common.config_file import config_text
 from common.constants import STARTUP_GRACE_S
 from common.messages.mission import Operation
 from common.messages.points_of_interest import PointOfInterest
-from common.messages.topics import PERMIT, POI, POSE
+from common.messages.topics import PERMIT, POI, POSE, STATUS
 from common.zenoh_bus import ZenohBus
 from deploy.bench.machine import percentiles
 from deploy.bench.order import Order
@@ -48,11 +49,11 @@ _END_S = 5.0
 
 
 class Photos:
-    """Points of interest with photos as `poi` sends them, and somebody on the laptop who looks at them."""
+    """Points of interest with photos as `poi` sends them; where `laptop` is given, somebody there looks at them."""
 
-    def __init__(self, robot: Config, laptop: Config) -> None:
+    def __init__(self, robot: Config, laptop: Config | None) -> None:
         self._robot = ZenohBus("poi", robot, FreeClock())
-        self._viewer = ZenohBus("visualizer", laptop, FreeClock(), "client")
+        self._viewer = None if laptop is None else ZenohBus("visualizer", laptop, FreeClock(), "client")
         self._ended = threading.Event()
         self._threads = [threading.Thread(target=run, daemon=True) for run in (self._send, self._look)]
         for thread in self._threads:
@@ -69,7 +70,7 @@ class Photos:
             self._robot.publish(POI, record)
 
     def _look(self) -> None:
-        while not self._ended.wait(0.05):
+        while self._viewer is not None and not self._ended.wait(0.05):
             self._viewer.take(POI)
             self._viewer.latest(POSE)
 
@@ -78,7 +79,8 @@ class Photos:
         for thread in self._threads:
             thread.join()
         self._robot.close()
-        self._viewer.close()
+        if self._viewer is not None:
+            self._viewer.close()
 
 
 class StopMesh:
@@ -89,7 +91,8 @@ class StopMesh:
         serial = folder / "serial"
         self.robot = Config(mesh=MeshSection(router), bridge=BridgeSection(serial_port=str(serial)))
         self.relay = Relay(router, RATE_BYTES_S)
-        across = replace(self.robot, mesh=MeshSection(self.relay.endpoint, laptop_router))
+        page = VisualizerSection(port=reserve_port())
+        across = replace(self.robot, mesh=MeshSection(self.relay.endpoint, laptop_router), visualizer=page)
         self.laptop = replace(self.robot, mesh=MeshSection(laptop_router, laptop_router))
         self._motors = folder / MOTORS_NAME
         self._supervisor = Supervisor(folder)
@@ -102,7 +105,8 @@ class StopMesh:
             if process != "bridge":
                 self._start(process, common)
         across_common = ["--config", str(folder / "laptop.toml"), "--log-dir", str(folder)]
-        self._start("recorder", [*across_common, "--run-dir", str(folder / "run")])
+        self._of_laptop = [*across_common, "--run-dir", str(folder / "run")]
+        self._start("recorder", self._of_laptop)
         until(serial.exists, _WAIT_S, "the serial port")
         self._start("bridge", common)
         self._across = across
@@ -126,6 +130,10 @@ class StopMesh:
         permit = self._operator.latest(PERMIT)
         return permit is not None and permit.granted
 
+    def _stopped(self) -> bool:
+        permit = self._operator.latest(PERMIT)
+        return permit is not None and bool(permit.stop_sources) and self.motors()[-1][2]
+
     def motors(self) -> list[tuple[float, bool, bool]]:
         """When, all of both motors turn, all is off."""
         rows = [line.split(",") for line in self._motors.read_text(encoding="utf-8").splitlines()[1:]]
@@ -139,16 +147,28 @@ class StopMesh:
             raise BenchFailed(f"the planner did not take the {operation.value}")
         until(lambda: self.motors()[-1][1], _WAIT_S, "driving")
 
-    def stop(self) -> float | None:
-        """Stops a robot that drives: time from the command until all is off (s), once the robot has confirmed it.
+    def start_page(self) -> str:
+        """Starts the visualizer on the laptop; returns its address once it reports."""
+        self._start("visualizer", self._of_laptop)
+        self._operator.latest(STATUS["visualizer"])
+        until(lambda: self._operator.latest(STATUS["visualizer"]) is not None, _WAIT_S, "the page")
+        return f"http://{self._across.visualizer.host}:{self._across.visualizer.port}/"
+
+    def press(self) -> None:
+        """As `indoor-mapping estop` does; returns once the robot has confirmed it."""
+        control, _ = press_stop(self._operator)
+        if control.latency_s is None:
+            raise BenchFailed("the robot did not confirm the stop")
+
+    def stop(self, press: Callable[[], None]) -> float | None:
+        """Stops a robot that drives: time from the call of `press` until all is off (s), once the robot holds the stop.
 
         None where the robot had stopped by itself just before, as it does when a module is late.
         """
         until(lambda: self.motors()[-1][1], _WAIT_S, "driving")
         pressed_s = time.monotonic()
-        control, _ = press_stop(self._operator)
-        if control.latency_s is None:
-            raise BenchFailed("the robot did not confirm the stop")
+        press()
+        until(self._stopped, _WAIT_S, "the robot holding the stop")
         return next((t_s - pressed_s for t_s, _, off in self.motors() if off and t_s > pressed_s), None)
 
     def release(self) -> None:
@@ -168,7 +188,7 @@ def measure(mesh: StopMesh, count: int) -> list[float]:
     while len(latencies_s) < count:
         mesh.join_anew()
         time.sleep(0.1 * secrets.randbelow(1000) / 1000)  # no stop is in phase with the loop of a node
-        latency_s = mesh.stop()
+        latency_s = mesh.stop(mesh.press)
         if latency_s is not None:
             latencies_s.append(latency_s)
         mesh.release()

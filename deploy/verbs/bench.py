@@ -16,6 +16,10 @@ from deploy.bench.order import PAIRS, PAIRS_QUICK, Order
 BENCHES = {
     "bus": ("our bus against bare Zenoh: latency, processor", "deploy.bench.bus_overhead"),
     "stop": ("software stop, command to wheels off, on an idle and on a full link", "deploy.bench.stop_latency"),
+    "page": (
+        "the page: pose to pixel, its server's processor, click on stop to wheels off",
+        "deploy.bench.page_latency",
+    ),
     "board": ("what the programs of the BeagleBone cost, and the share of its processor", "deploy.bench.board_budget"),
     "slow-core": ("a mission whose programs of the BeagleBone share one slowed core", "deploy.bench.one_core"),
     "mapping": ("what the mapping unit costs: processor, memory, instructions of a step", "deploy.bench.mapping_cost"),

@@ -17,7 +17,6 @@ from textual.screen import Screen
 from textual.theme import Theme
 
 from offboard.command_center.actions import OperatorActions
-from offboard.command_center.alerts import Alerts
 from offboard.command_center.bindings import (
     GENERAL_BINDINGS,
     HELP,
@@ -29,6 +28,7 @@ from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.screens.guarded import Guarded, GuardedPalette
 from offboard.command_center.screens.main import MainScreen
 from offboard.command_center.widgets.robot_panel import WIDE_COLUMNS
+from offboard.operate.alerts import Alerts
 from offboard.operate.operations import Answer
 from offboard.operate.software_stop import Demand, StopControl
 
@@ -144,7 +144,7 @@ class CommandCenterApp(OperatorActions, App[int]):
             if isinstance(screen, Guarded) and screen.is_mounted:
                 screen.stop_bar.show(snapshot, self._robot)
                 screen.show(snapshot)
-        for text in self._alerts.news(snapshot):
+        for text in self._alerts.news(snapshot.reasons, snapshot.now_s, known=snapshot.view is not None):
             self.bell()
             self.notify(text, timeout=ALERT_S)
         result = snapshot.operation

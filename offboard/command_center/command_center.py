@@ -42,10 +42,10 @@ from common.status import StatusReporter
 from common.zones import Zone, zones_of
 from offboard.command_center.board_watch import BoardRow, board_row
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry
-from offboard.command_center.module_health import HealthHistory
 from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
 from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
 from offboard.operate import operations
+from offboard.operate.health_history import HealthHistory
 from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import look, robot_report

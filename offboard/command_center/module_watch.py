@@ -6,9 +6,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
 
-from common.errors import ERRORS, ErrorCode
 from common.messages.health import Status
-from offboard.command_center.module_health import Sample
+from offboard.operate.alerts import error_info
+from offboard.operate.health_history import Sample
 
 STALE_S = 1.0
 GONE_S = 5.0
@@ -29,15 +29,6 @@ def freshness(age_s: float) -> Freshness:
     if age_s > GONE_S:
         return Freshness.GONE
     return Freshness.STALE if age_s > STALE_S else Freshness.LIVE
-
-
-def error_text(code: int) -> tuple[str, str]:
-    """Meaning of an error code and what to do about it; also of one that this program does not know."""
-    try:
-        info = ERRORS[ErrorCode(code)]
-    except ValueError:
-        return "an error that this version does not know", "bring both sides to the same version"
-    return info.meaning, info.action
 
 
 @dataclass(slots=True)
@@ -77,4 +68,5 @@ class ModuleRow:
     @property
     def error(self) -> tuple[str, str]:
         """Meaning and action."""
-        return error_text(self.status.error_code if self.status is not None else 0)
+        info = error_info(self.status.error_code if self.status is not None else 0)
+        return info.meaning, info.action

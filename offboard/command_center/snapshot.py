@@ -14,7 +14,8 @@ from common.messages.stop import Permit
 from common.mission_state import MissionState, mission_state
 from common.zones import Zone
 from offboard.command_center.board_watch import BoardRow
-from offboard.command_center.module_watch import ModuleRow
+from offboard.command_center.module_watch import Freshness, ModuleRow
+from offboard.operate import alerts
 from offboard.operate.operations import Answer
 from offboard.operate.software_stop import Look, RobotReport, StopControl, look
 
@@ -62,6 +63,12 @@ class Snapshot:
     @property
     def look(self) -> Look:
         return look(self.control, self.report, self.now_s)
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        """Sentence by what it is about, of all that a person should be called for now."""
+        rows = [row for row in self.rows if row.freshness is Freshness.LIVE]
+        return alerts.reasons(self.view, [(row.module, row.status.error_code) for row in rows if row.status])
 
     @property
     def mission(self) -> MissionState:

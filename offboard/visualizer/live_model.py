@@ -21,16 +21,19 @@ from common.geometry import FloatArray, Points
 from common.messages.health import Status
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
 from common.messages.mission import PlannerView
+from common.messages.motion import CarrierReport, Ranges
 from common.messages.points_of_interest import PointOfInterest
 from common.messages.stop import Permit
-from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, TRAJECTORY, ZONES, Topic
+from common.messages.topics import CARRIER, GRID, MAP, PERMIT, PLAN, POI, POSE, RANGES, TRAJECTORY, ZONES, Topic
 from common.mission_state import mission_state
 from common.modules import ON_ROBOT
 from common.zones import Zone, zones_of
+from offboard.operate import alerts
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor
 from offboard.visualizer.operator import OperatorView
 from offboard.visualizer.poi_store import PoiRecord, record_of
+from offboard.visualizer.vitals import Vitals
 
 TRAIL_STEP_M = 0.05
 TRAIL_MAX = 50_000  # poses since the smoothed path ends, which is sent every few seconds
@@ -53,14 +56,17 @@ NO_RUN = ShownRun()
 class LiveModel:
     """`take` every message; read the fields.
 
-    Times of arrival (seconds, the receiver's clock) by name: "pose", "robot" for anything from the robot, and the
-    modules' own names for their statuses.
+    Times of arrival (seconds, the receiver's clock) by name: "pose", "ranges", "robot" for anything from the robot, and
+    the modules' own names for their statuses.
     """
 
     def __init__(self) -> None:
         self.pose: PoseEstimate | None = None
         self.plan: PlannerView | None = None
         self.permit: Permit | None = None
+        self.ranges: Ranges | None = None
+        self.vitals = Vitals()
+        self.alerts: dict[str, str] = {}  # sentence by what it is about
         self.operator: OperatorView | None = None
         self.playback: object = None  # of a recorded run: where the page is in it, and moments to look at
         self.moments: tuple[object, ...] = ()
@@ -79,7 +85,6 @@ class LiveModel:
         # t, x, y, heading since the smoothed path ends
         self._since: deque[tuple[float, float, float, float]] = deque(maxlen=TRAIL_MAX)
         self._takers: dict[str, Callable[[Any], None]] = {
-            POSE.key: self._take_pose,
             MAP.key: self._take_map,
             TRAJECTORY.key: self._take_trajectory,
             POI.key: self._take_poi,
@@ -87,6 +92,7 @@ class LiveModel:
             PERMIT.key: self._take_permit,
             ZONES.key: lambda zones: self._replace("zones", zones_of(zones)),
             GRID.key: lambda grid: self._replace("grid", grid),
+            CARRIER.key: self._take_carrier,
         }
 
     def take(self, topic: Topic[Any], message: Any, arrived_s: float) -> None:
@@ -94,12 +100,14 @@ class LiveModel:
         if topic.producer in ON_ROBOT:
             self.arrived_s["robot"] = arrived_s
         if isinstance(message, Status):
-            self._take_status(topic.producer, message)
-            self.arrived_s[topic.producer] = arrived_s
-            return
-        if topic is POSE:
-            self.arrived_s["pose"] = arrived_s
-        self._takers[topic.key](message)
+            self._take_status(topic.producer, message, arrived_s)
+        elif topic is POSE:
+            self._take_pose(message, arrived_s)
+        elif topic is RANGES:
+            self.arrived_s["ranges"] = arrived_s
+            self._replace("ranges", message)
+        else:
+            self._takers[topic.key](message)
 
     def show(self, channel: str, value: object) -> None:
         """What comes from no module: `operator`, `playback` or `moments`."""
@@ -160,6 +168,17 @@ class LiveModel:
     def _take_plan(self, plan: PlannerView) -> None:
         self._replace("plan", plan)
         self._changed("mission")
+        self.vitals.take_plan(plan)
+        self._look_for_alerts()
+
+    def _take_carrier(self, carrier: CarrierReport) -> None:
+        self.vitals.take_carrier(carrier)
+        self._changed("vitals")
+
+    def _look_for_alerts(self) -> None:
+        found = alerts.reasons(self.plan, [(module, status.error_code) for module, status in self.statuses.items()])
+        if found != self.alerts or "alerts" not in self.tokens:
+            self._replace("alerts", found)
 
     def _take_permit(self, permit: Permit) -> None:
         """It comes many times a second, and mostly brings nothing new."""
@@ -167,14 +186,22 @@ class LiveModel:
         if mission_state(self.plan, old) != mission_state(self.plan, permit):
             self._changed("mission")
 
-    def _take_status(self, module: str, status: Status) -> None:
+    def _take_status(self, module: str, status: Status, arrived_s: float) -> None:
         """Ten a second of each, of which nearly all repeat the one before."""
+        self.arrived_s[module] = arrived_s
         before = self.statuses.get(module)
         self.statuses[module] = status
         if before is None or _shown(before) != _shown(status):
             self._changed("modules")
+            if self.plan is not None:  # what is so from the beginning on is no news, and begins with the plan
+                self._look_for_alerts()
+        if self.vitals.take_status(module, status, arrived_s):
+            self._changed("health")
 
-    def _take_pose(self, pose: PoseEstimate) -> None:
+    def _take_pose(self, pose: PoseEstimate, arrived_s: float) -> None:
+        self.arrived_s["pose"] = arrived_s
+        self.vitals.take_pose(pose, arrived_s)
+        self._changed("vitals")
         # Counted, so that the number of poses that a slow client skipped is known
         self.tokens["pose"] = (self.tokens.get("pose", (0, 0))[0] + 1, 0)
         self.tokens.setdefault("trail", (0, 0))

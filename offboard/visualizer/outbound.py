@@ -19,9 +19,10 @@ from offboard.visualizer.requests import BadRequest, Confirmation
 
 WINDOW_BYTES = 12_000  # 0.6 s of a link of 20 kB/s; over 300 ms there and back still 40 kB/s
 HEARTBEAT_PERIOD_S = 0.2
-MODULES_PERIOD_S = 1.0  # what they report is text for people; their ages come with every heartbeat
+# Text and figures for people; ages come with every heartbeat
+_PERIOD_S = {"modules": 1.0, "vitals": 1.0, "health": 5.0}
 # Half of all pieces are the map's: it is what a page that was just opened waits for
-_OTHERS = ("plan", "zones", "modules", "moments", "pois", "trail", "grid")
+_OTHERS = ("plan", "zones", "vitals", "modules", "moments", "pois", "trail", "grid", "health")
 _TURNS = tuple(channel for other in _OTHERS for channel in (other, "map"))
 
 
@@ -33,7 +34,8 @@ class Outbound:
         self._greeting: PageMessage | None = greeting
         self._sent_bytes = self._received_bytes = 0
         self._echo: tuple[float, float] | None = None  # the page's clock at its last message, ours when that arrived
-        self._heartbeat_s = self._modules_s = -inf
+        self._heartbeat_s = -inf
+        self._begun_s = dict.fromkeys(_PERIOD_S, -inf)
         self._pieces: dict[str, deque[bytes]] = {}  # of a message that has begun, by channel
         self._turn = 0
 
@@ -81,12 +83,16 @@ class Outbound:
         return None
 
     def _begin(self, channel: str) -> PageMessage | None:
-        if channel == "modules":
-            now_s = self._client.now_s()
-            if 0.0 <= now_s - self._modules_s < MODULES_PERIOD_S:
-                return None
-            self._modules_s = now_s
-        return self._client.bulk(channel)
+        period_s = _PERIOD_S.get(channel)
+        if period_s is None:
+            return self._client.bulk(channel)
+        now_s = self._client.now_s()
+        if 0.0 <= now_s - self._begun_s[channel] < period_s:
+            return None
+        message = self._client.bulk(channel)
+        if message is not None:
+            self._begun_s[channel] = now_s
+        return message
 
 
 def _split(channel: str, message: PageMessage) -> Iterator[bytes]:

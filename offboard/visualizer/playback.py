@@ -17,14 +17,14 @@ from common.errors import StartError, sentence
 from common.messages.health import LogLine
 from common.messages.mission import PlannerView
 from common.messages.points_of_interest import PointOfInterest
-from common.messages.topics import LOG, MAP, PERMIT, PLAN, POI, POSE, TRAJECTORY, Topic
+from common.messages.topics import LOG, MAP, PERMIT, PLAN, POI, POSE, RANGES, TRAJECTORY, Topic
 from offboard.runs.run_database import Message, RunReader
 from offboard.visualizer.feed import Feed
 
 SPEED_MAX = 100.0
 MOMENTS_MAX = 400
 _STEP_S = 0.05
-_SHOWN: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, PLAN, PERMIT, POI)
+_SHOWN: tuple[Topic[Any], ...] = (POSE, RANGES, MAP, TRAJECTORY, PLAN, PERMIT, POI)
 _LEVELS = ("WARNING", "ERROR", "CRITICAL")
 
 _log = logging.getLogger("view")

@@ -17,11 +17,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from common.errors import ERRORS, ErrorInfo
+from common.constants import SONAR_BEARINGS_RAD
+from common.errors import ErrorCode
 from common.mission_state import mission_state
 from common.modules import MODULES, SPECIFIED
 from common.zones import as_json
 from offboard.export.formats import EXPORTS
+from offboard.operate.alerts import error_info
+from offboard.operate.health_history import SAMPLE_S
 from offboard.visualizer.live_model import LiveModel, ShownRun, Token
 
 PageMessage = str | bytes
@@ -29,9 +32,6 @@ Seen = dict[str, Token]  # per client: what it has of every channel
 
 PIECE_BYTES = 4000  # 0.2 s of a link of 20 kB/s
 MAP_POINTS = 400  # of one message: nine bytes each, so that it fits into a piece
-
-_ERRORS = {int(code): info for code, info in ERRORS.items()}
-_UNKNOWN_ERROR = ErrorInfo("an error that this version does not know", "update this laptop")
 
 
 def text_message(channel: str, **values: Any) -> str:
@@ -64,7 +64,8 @@ def hello(robot: str, exports: Iterable[str], model_id: str, run: ShownRun, toke
     """
     offered = [{"form": form, "title": EXPORTS[form].title} for form in exports]
     names = {"robot": robot, "run": run.name, "recorded": run.recorded}
-    return text_message("hello", **names, exports=offered, model=model_id, token=token)
+    bearings = [round(bearing_rad, 4) for bearing_rad in SONAR_BEARINGS_RAD]
+    return text_message("hello", **names, exports=offered, model=model_id, token=token, sonar_bearings_rad=bearings)
 
 
 def heartbeat(model: LiveModel, now_s: float, skipped: int, echo: tuple[float, float] | None) -> PageMessage:
@@ -86,7 +87,7 @@ def _modules(model: LiveModel) -> Iterator[dict[str, Any]]:
             continue
         module: dict[str, Any] = {"name": name, "title": shown.title}
         if status is not None:
-            error = _ERRORS.get(status.error_code, _UNKNOWN_ERROR)
+            error = error_info(status.error_code)
             module |= {
                 "state": status.state,
                 "ready": status.ready,
@@ -151,6 +152,38 @@ def _pose(model: LiveModel) -> PageMessage:
     )
 
 
+def _ranges(model: LiveModel) -> PageMessage:
+    ranges = model.ranges
+    assert ranges is not None
+    shown = [round(float(range_m), 2) if isfinite(range_m) else None for range_m in ranges.range_m]
+    return text_message("ranges", range_m=shown, valid=ranges.valid, arrived_s=round(model.arrived_s["ranges"], 3))
+
+
+def _vitals(model: LiveModel) -> PageMessage:
+    figures = {
+        name: None if value is None else round(value, 3)
+        for name, value in dataclasses.asdict(model.vitals.figures()).items()
+    }
+    low = any(status.error_code == ErrorCode.BATTERY_LOW for status in model.statuses.values())
+    return text_message("vitals", **figures, battery_low=low)
+
+
+def _health(model: LiveModel) -> PageMessage:
+    """Memory in kB and share of a core in per cent, oldest first."""
+    modules = {
+        module: {
+            "memory_kb": [sample.memory_kb for sample in samples],
+            "cpu_percent": [round(100 * sample.cpu_share) for sample in samples],
+        }
+        for module, samples in model.vitals.health().items()
+    }
+    return text_message("health", sample_s=SAMPLE_S, modules=modules)
+
+
+def _alerts(model: LiveModel) -> PageMessage:
+    return text_message("alerts", alerts=model.alerts)
+
+
 def _trail(model: LiveModel) -> PageMessage:
     return binary_message("trail", np.ascontiguousarray(model.trail()[:, :2], "<f4").tobytes())
 
@@ -206,6 +239,10 @@ def _module_list(model: LiveModel) -> PageMessage:
 
 _MAKERS: dict[str, Callable[[LiveModel], PageMessage]] = {
     "pose": _pose,
+    "ranges": _ranges,
+    "alerts": _alerts,
+    "vitals": _vitals,
+    "health": _health,
     "mission": _mission,
     "operator": _operator,
     "playback": _playback,
@@ -217,4 +254,4 @@ _MAKERS: dict[str, Callable[[LiveModel], PageMessage]] = {
     "grid": _grid,
     "zones": _zones,
 }
-_URGENT = ("pose", "mission", "operator", "playback")
+_URGENT = ("pose", "ranges", "mission", "operator", "playback", "alerts")

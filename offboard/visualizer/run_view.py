@@ -23,7 +23,7 @@ from common.errors import StartError, sentence
 from common.fields import GRID_CELLS_MAX
 from common.grid_cells import FREE, UNKNOWN, WALL
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
-from common.messages.topics import GRID, MAP, PERMIT, PLAN, POSE, STATUS, TRAJECTORY, ZONES, Topic
+from common.messages.topics import CARRIER, GRID, MAP, PERMIT, PLAN, POSE, STATUS, TRAJECTORY, ZONES, Topic
 from common.zones import message_of
 from offboard.export import occupancy_image
 from offboard.runs.run_database import RunReader
@@ -36,7 +36,7 @@ from offboard.visualizer.poi_store import RunFolderPois
 from offboard.visualizer.server import PageServer
 
 _POLL_S = 0.2
-_LAST: tuple[Topic[Any], ...] = (POSE, PLAN, PERMIT, *STATUS.values())
+_LAST: tuple[Topic[Any], ...] = (POSE, PLAN, PERMIT, CARRIER, *STATUS.values())
 
 _log = logging.getLogger("view")
 

@@ -1,6 +1,6 @@
 """Node `visualizer`: everything that the page shows, from the bus into the `Feed`, and its own status (VSL_MR_05).
 
-It takes the newest of plan, permit, grid, trajectory and statuses, and every pose, map increment, point of interest.
+It takes every pose, map increment and point of interest, and the newest of everything else.
 """
 
 from __future__ import annotations
@@ -8,22 +8,22 @@ from __future__ import annotations
 from typing import Any
 
 from common.bus import Bus
-from common.messages.topics import GRID, MAP, PERMIT, PLAN, POI, POSE, STATUS, TRAJECTORY, ZONES, Topic
+from common.messages.topics import CARRIER, GRID, MAP, PERMIT, PLAN, POI, POSE, RANGES, STATUS, TRAJECTORY, ZONES, Topic
 from common.status import StatusReporter
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
 
 REFRESH_PERIOD_S = 1.0
 _EVERY_ONE: tuple[Topic[Any], ...] = (POSE, MAP, POI)
-_NEWEST: tuple[Topic[Any], ...] = (PLAN, PERMIT, TRAJECTORY, GRID, ZONES, *STATUS.values())
+_NEWEST: tuple[Topic[Any], ...] = (RANGES, CARRIER, PLAN, PERMIT, TRAJECTORY, GRID, ZONES, *STATUS.values())
 
 
 class Visualizer:
     """Feeds the page and watches that it is served."""
 
     name = "visualizer"
-    period_s = 0.05  # half of the pose's: a pose waits for 25 ms here, on average
-    wakes_on: tuple[Topic[Any], ...] = ()
+    period_s = 0.1
+    wakes_on: tuple[Topic[Any], ...] = (POSE,)  # shown at once; everything else comes with the next one
 
     def __init__(self, feed: Feed, server: PageServer) -> None:
         self._feed = feed
@@ -34,7 +34,7 @@ class Visualizer:
         feed.refresh_pois()
         server.start()
 
-    def step(self, bus: Bus, now_s: float) -> None:
+    def step(self, bus: Bus, now_s: float) -> float:
         if not self._server.running:
             raise RuntimeError("the page's server has ended; see the log")
         for topic in _EVERY_ONE:
@@ -51,6 +51,7 @@ class Visualizer:
         pages = self._server.pages
         detail = f"{pages} page{'' if pages == 1 else 's'} open at {self._server.address}"
         self._status.report(bus, now_s, state="SERVING", ready=True, detail=detail)
+        return self._status.latest_s
 
     def close(self) -> None:
         self._server.close()

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,23 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from common.constants import MAP_DENSITY_PER_M
 from common.messages.mapping import MapUpdate, PoseEstimate
 from common.messages.points_of_interest import PointOfInterest
 from common.messages.stop import Permit
 from common.messages.topics import MAP, PERMIT, POI, POSE
+from deploy.bench.browser import CHROMIUM, chromium
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import NO_RUN, ShownRun
 from offboard.visualizer.operator import Operator
 from offboard.visualizer.server import PageServer
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-FLAGS = ["--headless", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
-FLAGS += ["--disable-component-update", "--disable-sync"]
-if os.geteuid() == 0:
-    FLAGS.append("--no-sandbox")
 
 
 # Not for the session: its event loop runs in the main thread, where the terminal's tests need none
@@ -37,12 +29,8 @@ if os.geteuid() == 0:
 def browser() -> Iterator[Browser]:
     if CHROMIUM is None:
         pytest.skip("no Chromium: sudo apt-get install -y chromium")
-    # The profile is a new folder each time: Playwright makes it below the folder for temporary files
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        environment = os.environ | {"TMPDIR": folder}
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, env=environment)
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 def photo(colour: str = "#7a5a3a") -> bytes:

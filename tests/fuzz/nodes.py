@@ -48,9 +48,9 @@ from common.node import Node
 from common.recording import Losses, RecordedMessage, RecordingSubscriber
 from common.zenoh_inbox import Decoder
 from offboard.command_center import log_book, mini_map
-from offboard.command_center.alerts import Alerts
 from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
 from offboard.command_center.widgets import module_table, robot_panel, stop_bar, trouble
+from offboard.operate.alerts import Alerts
 from offboard.recorder.recorder import Recorder
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.visualizer import Visualizer
@@ -283,7 +283,7 @@ class NoServer:
         """Nobody looked."""
 
 
-PIECES = ("plan", "map", "modules", "pois", "trail", "grid")  # channels of the page that may wait
+PIECES = ("plan", "map", "modules", "pois", "trail", "grid", "vitals", "health")  # channels of the page that may wait
 
 
 def visualizer(bus: WireBus) -> Stage:
@@ -319,7 +319,7 @@ def command_center(bus: WireBus) -> Stage:
             module_table.cells(row)
         trouble.trouble_text(snapshot.rows, "sim")
         robot_panel.all_lines(snapshot, "http://127.0.0.1:8080/")
-        alerts.news(snapshot)
+        alerts.news(snapshot.reasons, now_s, known=snapshot.view is not None)
         if count % 20 == 0:
             mini_map.draw(node.floor_picture(), 60, 20)
 

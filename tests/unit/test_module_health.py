@@ -8,7 +8,8 @@ from common.bus import LocalMesh
 from common.messages.health import Status
 from common.messages.topics import STATUS
 from common.status import StatusReporter
-from offboard.command_center.module_health import KEPT_S, SAMPLE_S, HealthHistory, Sample, bars, health_text
+from offboard.command_center.module_health import bars, health_text
+from offboard.operate.health_history import KEPT_S, SAMPLE_S, HealthHistory, Sample
 
 
 def report(memory_kb: int, cpu_share: float) -> Status:

@@ -1,5 +1,6 @@
 // Joins the parts of the page: link -> model -> map, markers, list, dialog, panel.
 
+import { Alerts } from "./alerts.js";
 import { Gestures } from "./gestures.js";
 import { Link } from "./link.js";
 import { MapView } from "./map_view.js";
@@ -18,11 +19,12 @@ import { Zones } from "./zones.js";
 const AGE_PERIOD_MS = 200;
 const CLOSE_UP = 34; // CSS pixels per metre, to look at a point of interest
 // Where a channel changes the map. A grid is drawn when it is unpacked, and the trail grows below the robot
-const DRAWN = { zones: "above", pose: "below", map: "below", trail: "below", pois: "below", plan: "above", mission: "above" };
+const DRAWN = { zones: "above", ranges: "above", pose: "below", map: "below", trail: "below", pois: "below", plan: "above", mission: "above" };
 const $ = (id) => document.getElementById(id);
 
 export const model = new Model();
 const panel = new Panel(model);
+const alerts = new Alerts(model);
 const screenScale = new ScreenScale(() => showTools());
 let selected = null;
 
@@ -80,6 +82,7 @@ function take(channel, message) {
   if (channel === "grid") map.redecode();
   if (channel === "playback") timeline.show();
   if (channel === "playback" || channel === "moments") timeline.showMoments();
+  if (channel === "alerts" || channel === "hello") alerts.show();
   if (channel === "operator" || channel === "hello") orders.show();
   if (["operator", "hello", "zones"].includes(channel)) zones.show();
   const drawn = DRAWN[channel];
@@ -174,6 +177,7 @@ const link = new Link({
 let state = "";
 setInterval(() => {
   panel.show();
+  alerts.show();
   if (state !== model.state) map.draw(false);
   state = model.state;
 }, AGE_PERIOD_MS);

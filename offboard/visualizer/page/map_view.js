@@ -1,10 +1,9 @@
-// Draws the model: what changes rarely (floor, walls, trail) on the canvas below, robot and plan on the one above.
+// Draws the model: what changes rarely (floor, walls, trail) on the canvas below; above.js draws on the one above.
 
+import { drawAbove } from "./above.js";
 import { View } from "./view.js";
 
 const WALL = 0.09; // metres
-const FOOTPRINT_M = 0.22;
-const ROBOT_MIN_PX = 11;
 const MARGIN = { top: 56, right: 76, bottom: 64, left: 32 };
 const TIMELINE_PX = 58;
 const GRID_STEPS = [1, 5, 10, 50]; // metres between two lines
@@ -51,7 +50,7 @@ export class MapView {
 
   recolour() {
     const style = getComputedStyle(document.documentElement);
-    const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "ink", "paper", "start", "zone"];
+    const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "sonar", "ink", "paper", "start", "zone"];
     this.colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
     this.stained = true;
     if (this.floor) this.#tintFloor();
@@ -141,7 +140,7 @@ export class MapView {
     else if (this.stained || moved || this.drawn !== before) this.#drawBelow(this.base.getContext("2d"));
     this.stained = false;
     this.drawn = [view.x, view.y, view.scale, view.angle].join();
-    this.#drawAbove(this.overlay.getContext("2d"));
+    drawAbove(this.overlay.getContext("2d"), this);
     this.onView();
     this.stage.dispatchEvent(new CustomEvent("drawn"));
   }
@@ -157,7 +156,7 @@ export class MapView {
     const { width, height } = this.base;
     const [below, above] = [new OffscreenCanvas(width, height), new OffscreenCanvas(width, height)];
     this.#drawBelow(below.getContext("2d"));
-    this.#drawAbove(above.getContext("2d"));
+    drawAbove(above.getContext("2d"), this);
     const context = this.base.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.drawImage(below, 0, 0);
@@ -250,103 +249,5 @@ export class MapView {
     context.closePath();
     context.fillStyle = this.colours.start;
     context.fill();
-  }
-
-  #drawAbove(context) {
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, context.canvas.width, context.canvas.height);
-    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    context.lineCap = context.lineJoin = "round";
-    for (const layer of this.layers) layer(context, this.view, this.colours);
-    const live = ["live", "recorded"].includes(this.model.state);
-    if (live) this.#drawPlan(context);
-    if (this.model.pose) this.#drawRobot(context, live && this.model.pose.valid);
-    if (this.measured) this.#drawRuler(context);
-  }
-
-  #drawPlan(context) {
-    const { plan, pose } = this.model;
-    if (!plan || !plan.path_m.length) return;
-    const places = [...(pose ? [[pose.x_m, pose.y_m]] : []), ...plan.path_m].map(([x, y]) => this.view.toScreen(x, y));
-    context.beginPath();
-    for (const [x, y] of places) context.lineTo(x, y);
-    context.strokeStyle = this.colours.plan;
-    context.lineWidth = 2.5;
-    context.setLineDash([7, 6]);
-    context.stroke();
-    context.setLineDash([]);
-    const [x, y] = places.at(-1);
-    context.beginPath();
-    context.arc(x, y, 5, 0, 2 * Math.PI);
-    context.fillStyle = this.colours.paper;
-    context.fill();
-    context.stroke();
-  }
-
-  // Filled where it is; an empty dashed circle where it was last known to be
-  #drawRobot(context, sure) {
-    const { pose } = this.model;
-    const [x, y] = this.view.toScreen(pose.x_m, pose.y_m);
-    const radius = Math.max(ROBOT_MIN_PX, FOOTPRINT_M * this.view.scale);
-    const { robot, paper } = this.colours;
-    context.save();
-    context.translate(x, y);
-    const doubt = pose.sd_xy_m * 2 * this.view.scale;
-    if (doubt > radius) {
-      context.beginPath();
-      context.arc(0, 0, doubt, 0, 2 * Math.PI);
-      context.strokeStyle = robot;
-      context.lineWidth = 1;
-      context.stroke();
-    }
-    context.beginPath();
-    context.arc(0, 0, radius, 0, 2 * Math.PI);
-    context.fillStyle = sure ? robot : paper;
-    context.strokeStyle = sure ? paper : robot;
-    context.lineWidth = 2;
-    if (!sure) context.setLineDash([4, 4]);
-    context.fill();
-    context.stroke();
-    context.setLineDash([]);
-    context.rotate(-(pose.heading_rad + this.view.angle));
-    context.beginPath();
-    for (const [u, v] of [[0.72, 0], [-0.42, 0.5], [-0.18, 0], [-0.42, -0.5]]) context.lineTo(u * radius, v * radius);
-    context.closePath();
-    context.fillStyle = sure ? paper : robot;
-    context.fill();
-    context.restore();
-  }
-
-  #drawRuler(context) {
-    const { from, to } = this.measured;
-    const [x0, y0] = this.view.toScreen(...from), [x1, y1] = this.view.toScreen(...to);
-    const { ink, paper } = this.colours;
-    for (const [colour, width] of [[paper, 5], [ink, 2]]) {
-      context.beginPath();
-      context.moveTo(x0, y0);
-      context.lineTo(x1, y1);
-      context.strokeStyle = colour;
-      context.lineWidth = width;
-      context.stroke();
-    }
-    for (const [x, y] of [[x0, y0], [x1, y1]]) {
-      context.beginPath();
-      context.arc(x, y, 4.5, 0, 2 * Math.PI);
-      context.fillStyle = paper;
-      context.fill();
-      context.stroke();
-    }
-    const text = `${Math.hypot(to[0] - from[0], to[1] - from[1]).toFixed(2)} m`;
-    context.font = "600 14px system-ui, sans-serif";
-    const half = context.measureText(text).width / 2 + 8;
-    const x = (x0 + x1) / 2, y = (y0 + y1) / 2 - 20;
-    context.beginPath();
-    context.roundRect(x - half, y - 13, 2 * half, 26, 6);
-    context.fillStyle = ink;
-    context.fill();
-    context.fillStyle = paper;
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    context.fillText(text, x, y + 0.5);
   }
 }

@@ -16,6 +16,11 @@ export class Model {
     this.robot = "";
     this.run = ""; // its folder, where it is recorded
     this.token = ""; // with which this page may give orders
+    this.bearings = []; // of the sonars, left positive
+    this.ranges = null; // their newest echoes
+    this.vitals = null; // figures of battery, speed, time left, reception
+    this.health = { sample_s: 1, modules: {} }; // memory and processor by module
+    this.alerts = null; // sentence by what it is about
     this.operator = null; // {stop, answer, hindrance} of the robot's operator; null where only a run is shown
     this.playback = null; // of a recorded run: {at_s, duration_s, speed}
     this.moments = [];
@@ -74,6 +79,12 @@ export class Model {
     return this.age("robot") > STALE_S ? "silent" : "stale";
   }
 
+  // Echoes that are shown: of a run that is played those of that moment, else of the last second
+  get freshRanges() {
+    const fresh = this.recorded || (this.age("ranges") ?? Infinity) <= STALE_S;
+    return this.ranges?.valid && fresh ? this.ranges.range_m : [];
+  }
+
   // Everything that is drawn, or null
   get box() {
     let box = this.walls.box;
@@ -90,6 +101,7 @@ export class Model {
 
   _hello(message) {
     for (const name of ["robot", "run", "recorded", "token"]) this[name] = message[name];
+    this.bearings = message.sonar_bearings_rad;
     if (message.model !== this.source) this.epoch = -1; // its map begins at its beginning
     this.source = message.model;
   }
@@ -108,6 +120,23 @@ export class Model {
     this.pose = message;
     this.#fresh("pose", message.arrived_s);
     this.#drive(message.x_m, message.y_m);
+  }
+
+  _ranges(message) {
+    this.ranges = message;
+    this.#fresh("ranges", message.arrived_s);
+  }
+
+  _vitals(message) {
+    this.vitals = message;
+  }
+
+  _health(message) {
+    this.health = message;
+  }
+
+  _alerts({ alerts }) {
+    this.alerts = alerts;
   }
 
   // A corrected map takes the old one's place once it is as complete

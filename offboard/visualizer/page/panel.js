@@ -2,6 +2,7 @@
 
 import { STALE_S } from "./model.js";
 import { place } from "./poi_text.js";
+import { showHealth, showVitals } from "./vitals.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -45,6 +46,7 @@ export class Panel {
   show() {
     this.#showLink();
     this.#showMission();
+    showVitals(this.model);
     this.#showModules();
   }
 
@@ -134,7 +136,7 @@ export class Panel {
     let row = this.rows.get(module.name);
     if (!row) {
       row = document.createElement("li");
-      row.innerHTML = `<svg aria-hidden="true"><use></use></svg><b></b><span></span><small></small>`;
+      row.innerHTML = `<svg aria-hidden="true"><use></use></svg><b></b><span></span><small></small><p hidden></p>`;
       this.rows.set(module.name, row);
       $("module-list").append(row);
     }
@@ -146,6 +148,7 @@ export class Panel {
     const said = { absent: "not there", silent: `silent for ${since(age)}` }[health] ?? module.state + memory + cpu;
     set(row.querySelector("span"), said);
     set(row.querySelector("small"), module.error ? `${module.error}: ${module.meaning}; ${module.action}` : "");
+    showHealth(row.querySelector("p"), this.model.health.modules[module.name], this.model.health.sample_s);
     row.title = module.detail || "";
   }
 }
