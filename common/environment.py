@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 # One pool of threads for all that Zenoh receives, instead of three with one or two each. A link that breaks off in its
-# handshake may hold up who closes it for ten seconds (`zenoh_session.let_go_at_once` reaches those that stand), and
+# handshake may hold up who closes it for ten seconds (`zenoh_links.let_go_at_once` reaches those that stand), and
 # while all threads of a pool are held up nothing is received from anyone. What is sent has threads of its own: it must
 # keep the links up while a process computes and those that receive wait for the interpreter
 _ZENOH_RUNTIME = (

@@ -24,15 +24,15 @@ from common.recording import MESSAGE_BYTES_MAX
 from common.release import own_release
 from common.signing import SIGNATURE_BYTES
 from common.undecodable import Undecodable
+from common.zenoh_links import NeighbourWatch, let_go_at_once, watch_links
 from common.zenoh_session import (
+    ROUTER_NEIGHBOUR,
     Mode,
     close_sessions,
     command_channel,
     direct,
-    let_go_at_once,
     main_channel,
     open_session,
-    watch_links,
 )
 
 _BUNDLE_PRIORITY = zenoh.Priority.REAL_TIME  # a drive command waits for nothing
@@ -134,6 +134,10 @@ class ZenohEnd:
             self._every = tuple(dict.fromkeys((self._read, self._read_commands)))
             self._link_watch = watch_links(self.session) if main.rules is not None else None
             sessions = (self.session,) if commands is None else (self.session, self.command_session)
+            neighbour = ROUTER_NEIGHBOUR.get(name) if mode == "router" else None
+            if neighbour is not None:
+                tokens = f"{self._robot}/{alive_keys(neighbour)}"
+                self._neighbour_watch = NeighbourWatch(self.session, tokens)
             self._letting_go = [let_go_at_once(session) for session in sessions]
         except BaseException:
             self.close()

@@ -14,9 +14,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
-import socket
-import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -40,6 +37,7 @@ Mode = Literal["peer", "client", "router"]
 
 ROBOT_ROUTER = "comm"
 LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
+ROUTER_NEIGHBOUR = {ROBOT_ROUTER: LAPTOP_ROUTER, LAPTOP_ROUTER: ROBOT_ROUTER}
 # With the robot's shorter lease, a link over a poor Wi-Fi would be given up before its handshake is complete
 WIFI_LEASE_S = 2.0
 # A lost first packet would block the attempt for the default of ten seconds: TCP repeats it ever more rarely
@@ -63,7 +61,6 @@ _BEHIND_RECORDER = (*(name for name in OFFBOARD if name != STOP.producer), "simu
 # no declarations when they are back too soon: trees of routes, computed at most every 100 ms, would not show it
 _REGIONS = (*_BEHIND_RECORDER, STOP.producer, _COMMANDS.format(STOP.producer), *on(Board.RASPBERRY))
 _CLOSE_TIMEOUT_S = 1.0
-_NO_LINGER = struct.pack("ii", 0, 0)
 
 _log = logging.getLogger(__name__)
 
@@ -214,57 +211,6 @@ def open_session(channel: Channel, lease_s: float) -> zenoh.Session:
 def direct(function: Callable[[Any], None]) -> Any:
     """A handler on Zenoh's own thread: a Python thread per subscriber would have to be joined before the end."""
     return zenoh.handlers.Callback(function, indirect=False)
-
-
-def watch_links(session: zenoh.Session) -> Any:
-    """Logs who joins with a certificate, and whether the rules let it command; keep the handle."""
-    return session.info.declare_link_events_listener(direct(_log_link))
-
-
-def _log_link(event: zenoh.LinkEvent) -> None:
-    role = event.link.auth_identifier
-    if role is None:
-        return
-    if event.kind == zenoh.SampleKind.DELETE:
-        _log.info("a machine has left certificate=%s", role)
-    else:
-        commands = "taken" if access.may_command(role) else "refused"
-        _log.info("a machine has joined certificate=%s commands=%s", role, commands)
-
-
-def let_go_at_once(session: zenoh.Session) -> Any:
-    """Makes that closing a link waits for nothing; keep the handle.
-
-    Zenoh has TCP wait up to ten seconds for what is not acknowledged (SO_LINGER), in a thread that others need: links
-    of machines that are out of reach would hold up everybody else's.
-    """
-    return session.info.declare_link_events_listener(direct(_let_go_at_once), history=True)
-
-
-def _let_go_at_once(event: zenoh.LinkEvent) -> None:
-    if event.kind == zenoh.SampleKind.DELETE:
-        return
-    ends = [_address(endpoint) for endpoint in (event.link.src, event.link.dst)]
-    for descriptor in _descriptors():
-        with suppress(OSError):  # no socket, or none with another end
-            link = socket.socket(fileno=descriptor)
-            try:
-                if [link.getsockname()[:2], link.getpeername()[:2]] == ends:
-                    link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
-            finally:
-                link.detach()  # it is Zenoh's
-
-
-def _descriptors() -> list[int]:
-    with suppress(OSError):
-        return [int(name) for name in os.listdir("/proc/self/fd")]
-    return []
-
-
-def _address(endpoint: str) -> tuple[str, int]:
-    """Of "tcp/127.0.0.1:7447", as Python's sockets have it."""
-    host, _, port = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
-    return host.strip("[]").partition("%")[0], int(port)
 
 
 def close_sessions(sessions: Iterable[zenoh.Session]) -> bool:

@@ -64,6 +64,7 @@ def test_no_program_imports_tests() -> None:
                 "common/zenoh_bus.py",
                 "common/zenoh_end.py",
                 "common/zenoh_inbox.py",
+                "common/zenoh_links.py",
                 "common/zenoh_outbox.py",
                 "common/zenoh_session.py",
                 "common/process.py",
