@@ -9,6 +9,7 @@ from typing import Any
 from deploy.local.mesh import run_local
 from offboard.simulator.error_profiles import PROFILES
 from offboard.simulator.run.options import CAMERAS, DEFAULT_FLOOR, RunOptions, floor_path, load_world, own_floors
+from offboard.simulator.run.route import ROUTES
 
 
 def add_verbs(verbs: Any) -> None:
@@ -21,7 +22,10 @@ def add_verbs(verbs: Any) -> None:
     simulate = verbs.add_parser("simulate", help="the same nodes in lockstep, as fast as the processor allows")
     _add_run_arguments(simulate)
     simulate.add_argument("--board", choices=("host", "avr"), default="host", help="which build of the firmware")
-    simulate.add_argument("--route", choices=("centrelines",), help="a scripted drive, for mapping benchmarks")
+    simulate.add_argument("--route", choices=ROUTES, help="a scripted drive, for benchmarks of mapping and of doors")
+    simulate.add_argument(
+        "--reading-s", type=float, help="seconds that reading one photo takes, for a slower board (0.5, all at once)"
+    )
     simulate.set_defaults(run=_simulate)
     floors = verbs.add_parser("floors", help="names of the floors that come with the project")
     floors.set_defaults(run=_floors)
@@ -53,6 +57,7 @@ def _options(arguments: argparse.Namespace) -> RunOptions:
         config=arguments.config,
         board=getattr(arguments, "board", "host"),
         route=getattr(arguments, "route", None),
+        reading_s=getattr(arguments, "reading_s", None),
     )
 
 

@@ -57,6 +57,30 @@ def test_line_whose_lower_part_is_hidden_is_damage(share: float) -> None:
     assert check(picture, "824").damage
 
 
+@pytest.mark.parametrize("shade", [WHITE - 14, WHITE + 14])
+@pytest.mark.parametrize("side", ["left", "right", "above", "below"])
+def test_cover_nearly_of_the_plates_colour_shows_by_its_border(side: str, shade: int) -> None:
+    picture = drawn(("824", 55, 0))
+    ink = picture < 128
+    (left, right), (top, bottom) = ((np.flatnonzero(ink.any(axis=i))[[0, -1]]) for i in (0, 1))
+    hidden = {
+        "left": np.s_[:, : left + 9],
+        "right": np.s_[:, right - 9 :],
+        "above": np.s_[: top + 9],
+        "below": np.s_[bottom - 9 :],
+    }[side]
+    picture[hidden] = shade
+    picture = np.clip(picture + np.random.default_rng(1).normal(0, 3, picture.shape), 0, 255).astype(np.uint8)
+    assert check(cv2.GaussianBlur(picture, (0, 0), 1.0), "824").damage == f"an edge close {side}"
+
+
+def test_light_that_falls_on_one_end_of_a_number_is_no_border() -> None:
+    picture = drawn(("824", 55, 0)).astype(np.float64)
+    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    spot = np.clip(1.6 - np.hypot(x - 130, y - 64) / 40, 0, 1)
+    assert check((0.7 * picture + 0.3 * spot * (250 - picture)).astype(np.uint8), "824").damage == ""
+
+
 @pytest.mark.parametrize("negative", [False, True])
 @pytest.mark.parametrize(
     ("left_px", "right_px", "damage"), [(5, 5, False), (5, 60, True), (60, 5, True), (-9, -9, True)]

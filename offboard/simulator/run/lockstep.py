@@ -208,7 +208,7 @@ def build(
         MappingUnit(workers.back_end, carrier_of(config)),
         Planner(workers.deliberator, config.has_camera)
         if options.route is None
-        else RouteDriver(floor, lambda: simulation.world.truth),
+        else RouteDriver(options.route, floor, lambda: simulation.world.truth),
         Comm(config.comm, outbox=outbox),
     ]
     if recorder is not None:
@@ -223,7 +223,7 @@ def simulate(options: RunOptions) -> int:
     folder = prepare_folder(options)
     stopwatch = Stopwatch()
     recorder = RecorderApart(folder, stopwatch)
-    robot = build(options, recorder, apart(stopwatch), stopwatch)
+    robot = build(options, recorder, apart(stopwatch, options.reading_s), stopwatch)
     keep_what_is_there()
     stopwatch.restart()
     began_s = time.monotonic()

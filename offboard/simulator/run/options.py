@@ -19,6 +19,7 @@ from offboard.simulator.error_profiles import PROFILES
 FLOORS = Path(__file__).parents[1] / "floors"
 DEFAULT_FLOOR = "office"
 SPEED_MAX = 100.0
+READING_MAX_S = 60.0
 CAMERAS = ("off", "clean", "realistic", "hard")
 
 
@@ -37,7 +38,8 @@ class RunOptions:
     camera: str = "off"  # one of CAMERAS
     events: Path | None = None
     board: str = "host"  # or "avr", `simulate` only
-    route: str | None = None  # "centrelines": a scripted drive, `simulate` only
+    route: str | None = None  # a scripted drive, "centrelines" or "walls", `simulate` only
+    reading_s: float | None = None  # what reading one photo takes, one after the other; None: 0.5 s, `simulate` only
     config: Path | None = None  # robot.toml, of which [poi] holds: what the plates of this building look like
 
     def as_dict(self) -> dict[str, Any]:
@@ -74,6 +76,8 @@ def load_world(options: RunOptions) -> tuple[Floor, Events]:
         raise StartError(f"The seed must be 0 or more, not {options.seed}.")
     if not 0.0 < options.speed <= SPEED_MAX:
         raise StartError(f"The speed must be above 0 and at most {SPEED_MAX:g}, not {options.speed:g}.")
+    if options.reading_s is not None and not 0.0 < options.reading_s <= READING_MAX_S:
+        raise StartError(f"The reading must take above 0 and at most {READING_MAX_S:g} s, not {options.reading_s:g}.")
     site_section(options)
     return floor, events
 

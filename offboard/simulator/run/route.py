@@ -1,8 +1,8 @@
-"""A scripted drive along the centrelines of a floor, for mapping benchmarks: it takes the place of the Planner.
+"""A scripted drive in place of the Planner, for benchmarks: along the centrelines of a floor, or all of its walls.
 
-It knows the floor and the true pose; other modules receive drive commands from it and nothing else. The path: every
-hall's middle at least once, the nearest one not yet driven first, then back to the start. It stands still every few
-seconds for the zero-velocity update of the gyro, as the Planner does.
+It knows the floor and the true pose; other modules receive drive commands from it and nothing else. Along centrelines:
+every hall's middle at least once, the nearest one not yet driven first, then back to the start. Along walls:
+`wall_route.py`. It stands still every few seconds for the zero-velocity update of the gyro, as the Planner does.
 """
 
 from __future__ import annotations
@@ -11,14 +11,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from common.bus import Bus, alive_and_valid
-from common.constants import FOOTPRINT_RADIUS_M, PLANNER_CLEARANCE_M, POSE_RATE_HZ
+from common.constants import POSE_RATE_HZ
 from common.errors import ErrorCode
 from common.geometry import Points, Pose2, wrap_angle
 from common.messages.mission import Operation, Outcome, PlannerView
@@ -26,89 +22,62 @@ from common.messages.motion import DriveCommand, Speed
 from common.messages.topics import DRIVE, ODOMETRY, OPERATION, PERMIT, PLAN, Topic
 from common.status import StatusReporter
 from offboard.simulator.building.floor import Floor
+from offboard.simulator.run.free_floor import CELL_M, STEPS, FreeFloor, Mask, path_to
+from offboard.simulator.run.wall_route import Looks, route_along_walls
+from onboard.planner.driving.looking import Looking
 from onboard.planner.driving.net_rotation_balancing import NetRotationBalancing
 from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
 
-CELL_M = 0.1
-MIDDLE_WEIGHT = 6.0  # extra cost of a metre at a wall, in metres
-CLEARANCE_M = FOOTPRINT_RADIUS_M + PLANNER_CLEARANCE_M
+CENTRELINES, WALLS = "centrelines", "walls"
+ROUTES = CENTRELINES, WALLS
 DRIVEN_M = 1.0  # a middle within this of the path is driven
 DRIVEN_SHARE = 1.5  # and, in a wide place, within so many times the path's own distance from the wall
 LOOK_AHEAD_M = 0.5
 ARRIVED_M = 0.15
 THEN_CELLS = 15  # how far along the path the turn after this one is taken from
+SIGHT = 12  # points of a straight line to a place that is not far; less than a cell apart
 VIEW_PERIOD_S = 0.5
-_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
-
-Mask = npt.NDArray[np.bool_]
 
 
-class Middles:
-    """The corridor in cells of 10 cm: which cells the robot can drive on, and which are the middle of a hall."""
+def path_through_middles(free: FreeFloor, start: Points) -> Points:
+    """(N, 2) in metres, from `start` (2,) through all halls that can be reached, and back."""
+    here = home = free.nearest(start)
+    left = _ridge(free)[free.open]
+    reach_m = np.maximum(DRIVEN_SHARE * free.clearance_m[free.open], DRIVEN_M)
+    path = [here]
+    while True:
+        costs, before = free.costs_from(here)
+        left &= np.isfinite(costs)
+        goal = int(np.where(left, costs, np.inf).argmin()) if left.any() else home
+        leg = path_to(goal, here, before)
+        path += leg[1:]
+        if not left.any():
+            places: Points = free.places[path]
+            return places
+        for node in leg:
+            left &= np.hypot(*(free.places - free.places[node]).T) > reach_m[node]
+        left[goal] = False
+        here = goal
 
-    def __init__(self, floor: Floor) -> None:
-        rings = [np.array(ring, dtype=np.float64) for ring in (floor.exterior, *floor.holes)]
-        self._low = rings[0].min(axis=0) - 2 * CELL_M
-        columns, rows = np.ceil((rings[0].max(axis=0) - self._low) / CELL_M).astype(int) + 3
-        free = np.zeros((rows, columns), np.uint8)
-        cv2.fillPoly(free, [np.round((ring - self._low) / CELL_M).astype(np.int32) for ring in rings], (1,))
-        self.clearance_m = np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, 5), dtype=np.float64) * CELL_M
-        self._open: Mask = self.clearance_m >= CLEARANCE_M
-        self._node = np.full(free.shape, -1)
-        self._node[self._open] = np.arange(int(self._open.sum()))
-        self._places = np.argwhere(self._open)[:, ::-1] * CELL_M + self._low
-        self._graph = self._neighbour_graph()
 
-    def _neighbour_graph(self) -> csr_matrix:
-        """Neighbouring open cells as edges, weighted by the cost of driving between them."""
-        price = 1.0 + MIDDLE_WEIGHT * np.exp(-self.clearance_m / 0.4)
-        first, second, cost = [], [], []
-        rows, columns = self._open.shape
-        for dy, dx in _STEPS:
-            here = np.s_[: rows - dy, max(-dx, 0) : columns - max(dx, 0)]
-            there = np.s_[dy:, max(dx, 0) : columns - max(-dx, 0)]
-            both = self._open[here] & self._open[there]
-            first.append(self._node[here][both])
-            second.append(self._node[there][both])
-            cost.append(((price[here] + price[there]) / 2)[both] * CELL_M * float(np.hypot(dx, dy)))
-        edges = np.concatenate(first), np.concatenate(second)
-        return csr_matrix((np.concatenate(cost), edges), shape=(len(self._places),) * 2)
+def _ridge(free: FreeFloor) -> Mask:
+    """Open cells that lie further from the walls than their neighbours on both sides, along some line."""
+    c = np.pad(free.clearance_m, 2)
+    rows, columns = free.clearance_m.shape
+    here = free.clearance_m
+    ridge = np.zeros(free.open.shape, bool)
+    for dy, dx in STEPS:
+        one = c[2 + 2 * dy : 2 + 2 * dy + rows, 2 + 2 * dx : 2 + 2 * dx + columns]
+        other = c[2 - 2 * dy : 2 - 2 * dy + rows, 2 - 2 * dx : 2 - 2 * dx + columns]
+        ridge |= (here > one) & (here > other)
+    return ridge & free.open
 
-    def _ridge(self) -> Mask:
-        """Open cells that lie further from the walls than their neighbours on both sides, along some line."""
-        c = np.pad(self.clearance_m, 2)
-        rows, columns = self.clearance_m.shape
-        here = self.clearance_m
-        ridge = np.zeros(self._open.shape, bool)
-        for dy, dx in _STEPS:
-            one = c[2 + 2 * dy : 2 + 2 * dy + rows, 2 + 2 * dx : 2 + 2 * dx + columns]
-            other = c[2 - 2 * dy : 2 - 2 * dy + rows, 2 - 2 * dx : 2 - 2 * dx + columns]
-            ridge |= (here > one) & (here > other)
-        return ridge & self._open
 
-    def path(self, start: Points) -> Points:
-        """(N, 2) in metres, from `start` (2,) through all halls that can be reached, and back."""
-        here = int(np.hypot(*(self._places - start).T).argmin())
-        home = here
-        left = self._ridge()[self._open]
-        reach_m = np.maximum(DRIVEN_SHARE * self.clearance_m[self._open], DRIVEN_M)
-        path = [here]
-        while True:
-            costs, befores = dijkstra(self._graph, directed=False, indices=[here], return_predecessors=True)
-            cost, before = costs[0], befores[0]
-            left &= np.isfinite(cost)
-            goal = int(np.where(left, cost, np.inf).argmin()) if left.any() else home
-            leg = [goal]
-            while leg[-1] != here:
-                leg.append(int(before[leg[-1]]))
-            path += leg[-2::-1]
-            if not left.any():
-                places: Points = self._places[path]
-                return places
-            for node in leg:
-                left &= np.hypot(*(self._places - self._places[node]).T) > reach_m[node]
-            left[goal] = False
-            here = goal
+def planned_route(name: str, floor: Floor, free: FreeFloor, start: Points) -> tuple[Points, Looks]:
+    """Places (N, 2) of the route of that name, and the stops at them."""
+    if name == WALLS:
+        return route_along_walls(floor, free, start)
+    return path_through_middles(free, start), {}
 
 
 class RouteDriver:
@@ -118,11 +87,14 @@ class RouteDriver:
     period_s = 1.0 / POSE_RATE_HZ
     wakes_on: tuple[Topic[Any], ...] = ()
 
-    def __init__(self, floor: Floor, true_pose: Callable[[], Pose2]) -> None:
+    def __init__(self, route: str, floor: Floor, true_pose: Callable[[], Pose2]) -> None:
+        """`route`: one of ROUTES."""
         self._true_pose = true_pose
         pose = true_pose()
-        self._path = Middles(floor).path(np.array([pose.x_m, pose.y_m]))
+        self._free = FreeFloor(floor)
+        self._path, self._looks = planned_route(route, floor, self._free, np.array([pose.x_m, pose.y_m]))
         self._at = 0
+        self._looking: Looking | None = None
         self._started = False
         self._commanded = DriveCommand(0.0, 0, Speed.MEDIUM, 0.0)
         self._zero_velocity = ZeroVelocityUpdate()
@@ -141,12 +113,15 @@ class RouteDriver:
             pose = self._true_pose()
             drives = self._started and permit is not None and permit.granted and not self.finished
             pauses = self._zero_velocity.due(now_s, odometry.standing)
-            goal = self._goal(pose) if drives and not pauses else None
-            if goal is not None or self._commanded.speed is not Speed.STOP:
-                turn_rad = 0.0 if goal is None else self._turn_rad(pose, goal, odometry.yaw_rad)
-                speed = Speed.STOP if goal is None else Speed.MEDIUM
-                yaw_rad = wrap_angle(odometry.yaw_rad + turn_rad)
-                self._commanded = DriveCommand(now_s, self._commanded.command_id + 1, speed, yaw_rad)
+            goal = self._goal(pose, now_s) if drives and not pauses else None
+            if goal is not None:
+                self._command(now_s, Speed.MEDIUM, odometry.yaw_rad + self._turn_rad(pose, goal, odometry.yaw_rad))
+            elif self._looking is not None and drives and not pauses:
+                turn_rad = wrap_angle(self._looking.heading_rad - pose.heading_rad)
+                turn_rad = self._net_rotation.turn_rad(odometry.yaw_rad, turn_rad)
+                self._command(now_s, Speed.STOP, odometry.yaw_rad + turn_rad)
+            elif self._commanded.speed is not Speed.STOP:
+                self._command(now_s, Speed.STOP, odometry.yaw_rad)
             bus.publish(DRIVE, replace(self._commanded, t_s=now_s))
         self._status.report(bus, now_s, state="ROUTE", error=ErrorCode.OK, ready=True)
         if now_s >= self._view_due_s:
@@ -161,6 +136,9 @@ class RouteDriver:
     def close(self) -> None:
         """Nothing is held open."""
 
+    def _command(self, now_s: float, speed: Speed, yaw_rad: float) -> None:
+        self._commanded = DriveCommand(now_s, self._commanded.command_id + 1, speed, wrap_angle(yaw_rad))
+
     def _turn_rad(self, pose: Pose2, goal: tuple[float, float], yaw_rad: float) -> float:
         """The turn to the goal, in the sense of rotation that suits the next turn of the path."""
         turn_rad = pose.bearing_rad(*goal)
@@ -168,12 +146,33 @@ class RouteDriver:
         then_rad = Pose2(*goal, pose.heading_rad + turn_rad).bearing_rad(later_x_m, later_y_m)
         return self._net_rotation.turn_rad(yaw_rad, turn_rad, then_rad)
 
-    def _goal(self, pose: Pose2) -> tuple[float, float] | None:
-        """The next place of the path that is far enough ahead to steer for; None at its end."""
+    def _goal(self, pose: Pose2, now_s: float) -> tuple[float, float] | None:
+        """The next place of the path that is far enough ahead to steer for; None at its end, and while it stands at a
+        stop, to which it drives up."""
         while self._at < len(self._path):
             x_m, y_m = self._path[self._at].tolist()
-            last = self._at == len(self._path) - 1
-            if np.hypot(x_m - pose.x_m, y_m - pose.y_m) > (ARRIVED_M if last else LOOK_AHEAD_M):
+            stops = self._at in self._looks or self._at == len(self._path) - 1
+            away_m = np.hypot(x_m - pose.x_m, y_m - pose.y_m)
+            # The next place may be in sight only from this one, round a corner
+            far = away_m > LOOK_AHEAD_M or (away_m > ARRIVED_M and (stops or not self._leads_to_next(pose)))
+            if far and self._looking is None:
                 return x_m, y_m
+            if self._at in self._looks and not self._looked(pose, now_s):
+                return None
             self._at += 1
         return None
+
+    def _leads_to_next(self, pose: Pose2) -> bool:
+        """Whether the floor is open straight from the robot to the next place of the path."""
+        here, there = np.array([pose.x_m, pose.y_m]), self._path[self._at + 1]
+        return bool(self._free.is_open(here + np.linspace(0.0, 1.0, SIGHT)[:, None] * (there - here)).all())
+
+    def _looked(self, pose: Pose2, now_s: float) -> bool:
+        """Whether it has stood at this stop as long as it has to, in the stop's heading."""
+        if self._looking is None:
+            self._looking = Looking()
+            self._looking.begin(self._looks[self._at], now_s)
+        if not self._looking.over(pose, now_s):
+            return False
+        self._looking = None
+        return True

@@ -47,27 +47,32 @@ def in_thread() -> SideWorkers:
     )
 
 
-def apart(stopwatch: Stopwatch) -> SideWorkers:
-    """On another core, while the nodes go on."""
+def apart(stopwatch: Stopwatch, reading_s: float | None = None) -> SideWorkers:
+    """On another core, while the nodes go on. `reading_s`: what poi's board takes to read one photo, see RunOptions."""
     return SideWorkers(
         AwaitedWorker(stopwatch, map_builder.LATENCY_S, lambda: MapBuilder().correction),
         AwaitedWorker(stopwatch, deliberation.LATENCY_S, deliberation.load),
-        partial(_ReadingApart, stopwatch),
+        partial(_ReadingApart, stopwatch, reading_s),
     )
 
 
 class _ReadingApart:
-    """The frame of a job goes there, and stays here for what comes back."""
+    """The frame of a job goes there, and stays here for what comes back.
+
+    A board that takes `reading_s` begins a job when it is done with those before.
+    """
 
     ready = True
 
-    def __init__(self, stopwatch: Stopwatch, section: PoiSection) -> None:
+    def __init__(self, stopwatch: Stopwatch, reading_s: float | None, section: PoiSection) -> None:
         def load() -> Work[Job, tuple[Finding, ...]]:
             read = reader_of(section)
             return lambda job: read(job).findings
 
-        self._worker: AwaitedWorker[Job, tuple[Finding, ...]] = AwaitedWorker(stopwatch, reading_job.LATENCY_S, load)
+        latency_s = reading_job.LATENCY_S if reading_s is None else reading_s
+        self._worker: AwaitedWorker[Job, tuple[Finding, ...]] = AwaitedWorker(stopwatch, latency_s, load)
         self._jobs: deque[Job] = deque()
+        self._reading_s, self._free_s = reading_s, 0.0
 
     @property
     def pending(self) -> int:
@@ -79,6 +84,9 @@ class _ReadingApart:
 
     def begin(self, job: Job, now_s: float) -> None:
         self._jobs.append(job)
+        if self._reading_s is not None:
+            now_s = max(now_s, self._free_s)
+            self._free_s = now_s + self._reading_s
         self._worker.begin(job, now_s)
 
     def result(self, now_s: float) -> JobOutcome[Reading] | None:

@@ -54,11 +54,13 @@ class Letter:
 class Strokes:
     """A line taken apart; its picture has ROWS of the line's box and `margin` around it.
 
-    `ink` is how much each pixel stands out from `back`, the background around it, in grey values and in the letters'
-    direction; `contrast` is the letters' ink. `letters` from left to right; `crossing` marks strokes that run out of
-    the box above or below, as letters do not. `capital` is the height of most of the higher letters, 0 without any.
+    `gray` is that picture; `ink` is how much each pixel stands out from `back`, the background around it, in grey
+    values and in the letters' direction; `contrast` is the letters' ink. `letters` from left to right; `crossing` marks
+    strokes that run out of the box above or below, as letters do not. `capital` is the height of most of the higher
+    letters, 0 without any.
     """
 
+    gray: Gray
     ink: Gray
     back: Gray
     contrast: float
@@ -111,7 +113,7 @@ def _taken_apart(gray: Gray, m: int, dark: bool, characters: int) -> Strokes:
     capital = float(np.percentile(heights, 75)) if heights else 0.0
     letters = tuple(one for one in found if one.height >= SPECK * capital or one.width >= SPECK * capital)
     contrast = float(np.median([one.contrast for one in letters])) if letters else 1.0
-    return Strokes(ink, back, max(contrast, 1.0), m, letters, crossing, capital)
+    return Strokes(gray, ink, back, max(contrast, 1.0), m, letters, crossing, capital)
 
 
 def _connected(ink: Gray, mask: npt.NDArray[np.uint8], offset: int, crossing: npt.NDArray[np.bool_]) -> list[Letter]:

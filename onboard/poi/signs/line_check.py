@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from onboard.poi.signs.cover_edges import edges_along
 from onboard.poi.signs.letters import ROWS, Letter, Strokes
 
 BESIDE_FREE, ABOVE_FREE = 0.2, 0.15  # room beside the outer letters; above and below all of them
@@ -172,20 +173,20 @@ def _covered(line: Strokes, capital: float) -> str:
         return "another stroke beside the letters"
     step, reach, inward = STEP * line.contrast, max(round(EDGE * capital), 1), INWARD * capital
     above = ABOVE_FREE * capital
-    edges = {
-        side: edge
+    edges = (
+        side
         for side, profile, at, to in (
             ("left", across, x0 + inward, x0 - far),
             ("right", across, x1 - inward, x1 + far),
             ("above", down, top + inward, top - above),
             ("below", down, bottom - inward, bottom + above),
         )
-        if (edge := _edge(profile, (at, to), reach, capital, step)) is not None
-    }
-    if ("left" in edges or "right" in edges) and _in_the_middle(across, (x0, x1), capital, step):
-        edges.pop("left", None)
-        edges.pop("right", None)
-    return next((f"an edge close {side}" for side in edges), "")
+        if _edge(profile, (at, to), reach, capital, step) is not None
+    )
+    close = (*edges, *edges_along(line, capital))
+    if ("left" in close or "right" in close) and _in_the_middle(across, (x0, x1), capital, step):
+        close = tuple(side for side in close if side not in ("left", "right"))
+    return next((f"an edge close {side}" for side in close), "")
 
 
 def _in_the_middle(across: Profile, ends: tuple[float, float], capital: float, step: float) -> bool:
