@@ -72,7 +72,8 @@ CommandId = Annotated[int, Within(0, 2**31 - 1)]  # as the board keeps it
 Count = Annotated[int, Within(0, 2**53 - 1)]  # one more is still exact in SQLite and in a browser
 Identity = Annotated[int, Within(0, 2**63 - 1)]  # drawn at random; nobody counts on from it
 
-Word = Annotated[str, UpTo(100)]
+WORD_MAX = 100  # characters
+Word = Annotated[str, UpTo(WORD_MAX)]
 Text = Annotated[str, UpTo(2_000)]
 
 SonarRanges = Annotated[tuple[Range, ...], Shape((SONAR_COUNT,))]
@@ -92,7 +93,8 @@ GridSide = Annotated[int, Within(1, 20_000)]  # cells
 CellSize = Annotated[float, Within(0.05, 10.0)]  # metres; finer than twice a sonar's step adds no information
 GridBytes = Annotated[bytes, UpTo(2_000_000)]
 
-PoiId = Annotated[int, Within(0, 5_000)]  # counted from 1
+POI_ID_MAX = 5_000
+PoiId = Annotated[int, Within(0, POI_ID_MAX)]  # counted from 1
 Photo = Annotated[bytes, UpTo(1_000_000)]
 
 Boot = Annotated[int, Within(0, 2**16 - 1)]
@@ -108,6 +110,11 @@ ZoneCorners = Annotated[tuple[Metres, ...], Shape(("C",)), UpTo(CORNERS_MAX)]
 AllCorners = Annotated[tuple[Metres, ...], Shape(("C",)), UpTo(ZONES_MAX * CORNERS_MAX)]
 ZoneNumbers = Annotated[tuple[Count, ...], Shape(("Z",)), UpTo(ZONES_MAX)]
 ZoneKinds = Annotated[tuple[Word, ...], Shape(("Z",)), UpTo(ZONES_MAX)]
+
+_NOTED = UpTo(1_000)  # doors that a person said something of
+DoorIds = Annotated[tuple[PoiId, ...], Shape(("D",)), _NOTED]
+DoorPlaces = Annotated[tuple[Metres, ...], Shape(("D",)), _NOTED]
+DoorTexts = Annotated[tuple[Word, ...], Shape(("D",)), _NOTED]
 
 Challenge = Annotated[bytes, UpTo(CHALLENGE_BYTES)]
 ErrorNumber = Annotated[int, Within(0, 65_535)]

@@ -27,6 +27,7 @@ FAMILIES = {
     "node": ("node", "command-center"),
     "operator": ("estop", "release", "start", "pause", "resume", "home", "goto"),
     "zones": ("zone",),
+    "doors": ("door",),
     "records": ("runs", "export"),
     "view": ("view",),
     "signs": ("read-signs",),

@@ -20,7 +20,7 @@ from common.messages.health import BoardState, ClockAck, ClockTick, LogLine, Sta
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
 from common.messages.mission import OperatorCommand, PlannerView, Zones
 from common.messages.motion import CarrierReport, Distances, DriveCommand, Odometry, Ranges
-from common.messages.points_of_interest import PointOfInterest, PoiRequest
+from common.messages.points_of_interest import DoorStatement, DoorStatements, PointOfInterest, PoiRequest
 from common.messages.stop import Permit, StopRequest
 from common.modules import MODULES, OFFBOARD, ROBOT_SENDERS, publisher_of
 
@@ -140,6 +140,10 @@ POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, PEOPLE, "lfc_
 PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, QosProfile.COMMAND, f"bridge planner poi {PEOPLE}", note=AT_ONCE)
 STOP = _topic("command_center/stop", StopRequest, 0.0, QosProfile.COMMAND, "bridge comm recorder", "lfc_cm_cc")
 OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, QosProfile.COMMAND, "planner comm recorder")
+DOOR = _topic("command_center/door", DoorStatement, 0.0, QosProfile.COMMAND, "recorder")
+DOOR_NOTES = _topic(
+    "recorder/doors", DoorStatements, 0.0, QosProfile.STATE, "visualizer command_center", note="on change"
+)
 OUTBOX = _topic(
     "comm/outbox", OutboxPiece, 0.0, QosProfile.BULK, "recorder", note="what the robot has for the run database"
 )

@@ -20,12 +20,14 @@ import numpy as np
 
 from common.bus import Bus
 from common.codec import as_text
+from common.door_names import DoorNote, all_notes
 from common.messages.health import LogLine
 from common.messages.mapping import PoseEstimate, Trajectory
 from common.messages.mission import Operation
 from common.messages.topics import (
     BOARD,
     CARRIER,
+    DOOR_NOTES,
     LOG,
     MAP,
     PERMIT,
@@ -43,6 +45,7 @@ from common.zones import Zone, zones_of
 from offboard.command_center.board_watch import BoardRow, board_row
 from offboard.command_center.log_book import MESSAGE_LEVEL, LogEntry
 from offboard.command_center.module_watch import Freshness, ModuleRow, RateMeter, freshness
+from offboard.command_center.places import named
 from offboard.command_center.snapshot import Finding, FloorPicture, OperationResult, Snapshot
 from offboard.operate import operations
 from offboard.operate.health_history import HealthHistory
@@ -97,6 +100,7 @@ class CommandCenter:
         self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_MAX)
         self._findings = dict(findings or {})
         self._zones: tuple[Zone, ...] = ()
+        self._notes: tuple[DoorNote, ...] | None = None  # of doors, by people; None: as they were found
         self._orders = OrderSender()
         self._result: OperationResult | None = None
 
@@ -114,7 +118,11 @@ class CommandCenter:
             for pose in self._take(bus, POSE, now_s):
                 self._extend_trail(pose)
             for poi in self._take(bus, POI, now_s):
-                self._findings[poi.poi_id] = Finding(poi.number, poi.x_m, poi.y_m)
+                self._findings[poi.poi_id] = Finding(poi.number, poi.x_m, poi.y_m, number_read=poi.number)
+                self._name_doors()
+            for statements in self._take(bus, DOOR_NOTES, now_s):
+                self._notes = all_notes(statements)
+                self._name_doors()
             for zones in self._take(bus, ZONES, now_s):
                 self._zones = zones_of(zones)
             self._operate(bus, now_s)
@@ -194,6 +202,10 @@ class CommandCenter:
                 text = as_text(topic.producer, self.name, payload)
                 self._keep(LogEntry(now_s, topic.producer, topic.key, MESSAGE_LEVEL, text, text))
         return messages
+
+    def _name_doors(self) -> None:
+        if self._notes is not None:
+            self._findings = {poi_id: named(poi_id, f, self._notes) for poi_id, f in self._findings.items()}
 
     def _take_logs(self, bus: Bus, now_s: float) -> None:
         for module, topic in LOG.items():

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
+from common.door_names import DoorNote, note_for, shown
 from common.errors import sentence
 from common.fields import COORDINATE
 from common.room_number import key_of
@@ -38,13 +40,35 @@ def find_place(text: str, findings: Iterable[Finding]) -> tuple[float, float]:
     place = coordinates(text)
     if place is not None:
         return place
-    doors = {key_of(finding.number): finding for finding in findings if finding.number}
-    door = doors.get(key_of(text))
-    if door is None:
-        known = ", ".join(sorted(finding.number for finding in doors.values()))
-        what = f"known are {known}" if known else "no number was read yet"
-        raise UnknownPlace(f"There is no door {text.strip() or '(nothing)'}: {what}; or write X,Y in metres.")
+    try:
+        _, door = find_door(text, dict(enumerate(findings)))
+    except UnknownPlace as error:
+        raise UnknownPlace(f"{str(error).rstrip('.')}; or write X,Y in metres.") from error
     return door.x_m, door.y_m
+
+
+def find_door(text: str, findings: Mapping[int, Finding]) -> tuple[int, Finding]:
+    """The door with that number in its shown form or as its key, else with that name, or #ID: its id too. Raises
+    UnknownPlace."""
+    doors = {key_of(finding.number): (poi_id, finding) for poi_id, finding in findings.items() if finding.number}
+    names = {_folded(finding.room_name): (poi_id, finding) for poi_id, finding in findings.items()}
+    ids = {f"#{poi_id}": (poi_id, finding) for poi_id, finding in findings.items()}
+    door = ids.get(text.strip()) or doors.get(key_of(text)) or (names.get(_folded(text)) if text.strip() else None)
+    if door is None:
+        known = ", ".join(sorted(finding.number for _, finding in doors.values()))
+        what = f"known are {known}" if known else "no number was read yet"
+        raise UnknownPlace(f"There is no door {text.strip() or '(nothing)'}: {what}.")
+    return door
+
+
+def named(poi_id: int, finding: Finding, notes: Iterable[DoorNote]) -> Finding:
+    """As it counts with what people said of doors."""
+    counts = shown(finding.number_read, "", note_for(notes, poi_id, finding.x_m, finding.y_m))
+    return replace(finding, number=counts.number, room_name=counts.room_name, judged=counts.judged)
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.casefold().split())
 
 
 def findings_of_run(run_dir: Path) -> dict[int, Finding]:
@@ -55,7 +79,14 @@ def findings_of_run(run_dir: Path) -> dict[int, Finding]:
         _log.warning("doors of the run unknown: %s", sentence(error))
         return {}
     return {
-        record["poi_id"]: Finding(record.get("number") or "", record["x_m"], record["y_m"])
+        record["poi_id"]: Finding(
+            record.get("number") or "",
+            record["x_m"],
+            record["y_m"],
+            str(record.get("room_name") or ""),
+            str(record.get("number_read", record.get("number")) or ""),
+            str(record.get("judged") or ""),
+        )
         for record in records
         if record.get("poi_id") is not None
     }

@@ -24,9 +24,12 @@ from offboard.operate.software_stop import Look, RobotReport, StopControl, look
 class Finding:
     """A point of interest, as the map and `goto` need it."""
 
-    number: str
+    number: str  # that counts: a person's where there is one
     x_m: float
     y_m: float
+    room_name: str = ""
+    number_read: str = ""
+    judged: str = ""  # what a person said of the number, as of common/door_names.py
 
 
 @dataclass(frozen=True, slots=True)

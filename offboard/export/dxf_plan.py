@@ -15,7 +15,7 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.layouts.layout import Modelspace
 
 from common.geometry import Points
-from offboard.export.plan import INFERRED_DASH_MM, MM_PER_M, NUMBER_MM, ROOM_TYPE_MM, text_of
+from offboard.export.plan import INFERRED_DASH_MM, MM_PER_M, NUMBER_MM, ROOM_TYPE_MM, room_of, text_of
 from offboard.export.title import TitleBlock
 from offboard.export.wall_lines import wall_lines
 from offboard.export.zone_lines import outline
@@ -63,7 +63,10 @@ def _lines(space: Modelspace, layer: str, lines_m: list[Points]) -> None:
 def _door(space: Modelspace, poi: dict[str, Any]) -> None:
     at = np.array([poi["x_m"], poi["y_m"]], dtype=np.float64)
     space.add_point((*at.tolist(), 0.0), dxfattribs={"layer": "doors"})
-    rows = ((text_of(poi, "number") or "?", NUMBER_MM, 0.05), (text_of(poi, "room_type"), ROOM_TYPE_MM, -0.25))
+    rows = (
+        (text_of(poi, "number") or "?", NUMBER_MM, 0.05),
+        (room_of(poi), ROOM_TYPE_MM, -0.25),
+    )
     for text, height_mm, up_m in rows:
         if text:
             entity = space.add_text(text, height=height_mm / MM_PER_M, dxfattribs={"layer": "text"})

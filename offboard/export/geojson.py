@@ -90,6 +90,7 @@ def _zone(zone: Zone, place: Callable[[Points], _Coordinates], level: dict[str, 
 def _door(poi: dict[str, Any], place: Callable[[Points], _Coordinates], level: dict[str, str]) -> dict[str, Any]:
     (at,) = place(np.array([[poi["x_m"], poi["y_m"]]], dtype=np.float64))
     number, room_type = str(poi.get("number") or ""), str(poi.get("room_type") or "")
-    tags = {"door": "yes", "ref": number, "name": f"{room_type or 'Room'} {number or '?'}"}
+    name = str(poi.get("room_name") or "") or f"{room_type or 'Room'} {number or '?'}"
+    tags = {"door": "yes", "ref": number, "name": name}
     tags |= {"room": room_type.lower().replace(" ", "_")} if room_type else {}
     return _feature("Point", at, tags | level)

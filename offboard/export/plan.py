@@ -155,7 +155,7 @@ def _labels(poi: dict[str, Any], place: Points, path: Points) -> list[Text]:
     if len(path):
         offset = place - path[np.hypot(*(path - place).T).argmin()]
         away = offset / hypot(*offset) if hypot(*offset) > 1e-6 else away
-    number, room_type = text_of(poi, "number") or "?", text_of(poi, "room_type")
+    number, room_type = text_of(poi, "number") or "?", room_of(poi)
     lines = [(number, NUMBER_MM), *([(room_type, ROOM_TYPE_MM)] if room_type else [])]
     height_mm = 1.2 * sum(size for _, size in lines)
     half_width_mm = max(0.28 * size * len(text) for text, size in lines)
@@ -172,5 +172,10 @@ def text_of(poi: dict[str, Any], key: str) -> str:
     return plain(str(poi.get(key) or ""), TEXT_MAX)
 
 
+def room_of(poi: dict[str, Any]) -> str:
+    """What the room behind a door is called: by a person, else by its plate."""
+    return text_of(poi, "room_name") or text_of(poi, "room_type")
+
+
 def _hint(poi: dict[str, Any]) -> str:
-    return " ".join(text_of(poi, key) for key in ("name", "number", "room_type")).strip()
+    return " ".join(text_of(poi, key) for key in ("name", "number", "room_type", "room_name")).strip()

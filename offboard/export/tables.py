@@ -50,7 +50,8 @@ def areas_table(pois: Sequence[dict[str, Any]], spaces: Sequence[Space]) -> byte
         number, space = str(poi.get("number") or "?"), space_of(poi, spaces)
         if space is not None:
             doors[space.number].append(number)
-        rooms.append((f"{poi.get('room_type') or ROOM_KIND} {number}", ROOM_KIND, "", "", "", space_name(space)))
+        name = str(poi.get("room_name") or "") or f"{poi.get('room_type') or ROOM_KIND} {number}"
+        rooms.append((name, ROOM_KIND, "", "", "", space_name(space)))
     measured = [
         (space_name(s), s.kind, *(round(v, 2) for v in (s.area_m2, s.length_m, s.width_m)), " ".join(doors[s.number]))
         for s in spaces

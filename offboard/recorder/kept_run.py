@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from common.disk_worker import DISK_ERRORS
+from common.door_names import DoorNote
 from common.recording import Known, Losses, RecordedMessage, add_loss
 from offboard.recorder.live_copies import LiveCopies
 from offboard.recorder.outbox_rows import RowContent, unpack_rows
@@ -37,6 +38,8 @@ class RunState:
 
     finished: bool  # the database holds the Planner's message that the mission is finished
     missing: int  # map points that were lost in transit
+    notes: tuple[DoorNote, ...] = ()  # of doors, by a person
+    statement_id: int = 0  # of the newest of that
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +72,8 @@ class KeptRun:
         self._row = self._summary_row = 0  # the files hold the messages up to here, and a summary those up to there
 
     def state(self) -> RunState:
-        return RunState(self.files.finished, self.files.map.missing)
+        files = self.files
+        return RunState(files.finished, files.map.missing, files.notes, files.statement_id)
 
     def store(self, handover: Handover) -> Delivered:
         """Into the database, and from there into the files."""

@@ -21,9 +21,10 @@ from typing import Any
 from common.bus import Bus
 from common.database import disk_full, lost
 from common.disk_worker import DISK_ERRORS, disk_worker
+from common.door_names import DoorNote, message_of
 from common.errors import ErrorCode
 from common.messages.delivery import OutboxReceipt
-from common.messages.topics import LAPTOP_RECORDED, OUTBOX, RECEIPT, Topic
+from common.messages.topics import DOOR_NOTES, LAPTOP_RECORDED, OUTBOX, RECEIPT, Topic
 from common.recording import Losses, RecordedMessage, add_loss
 from common.status import StatusReporter
 from common.undecodable import Undecodable
@@ -67,6 +68,7 @@ class Recorder:
         self._waiting: list[RecordedMessage] = []
         self._dropped: Losses = {}
         self._handover: Handover | None = None  # the disk has it, or refused it; not known to be stored
+        self._notes_sent: tuple[tuple[DoorNote, ...], int] = ((), 0)
         self._summary: Summary | None = None  # to be stored
         self._store_due_s = self._open_due_s = float("-inf")
         self._receipt: OutboxReceipt | None = None
@@ -91,6 +93,7 @@ class Recorder:
             self._draw_in_time(now_s)
             self._store_data(run, now_s)
             self._acknowledge(bus, now_s)
+            self._publish_notes(bus, now_s)
         self._report(bus, now_s)
 
     def close(self) -> None:
@@ -220,6 +223,13 @@ class Recorder:
         if last is None or replace(receipt, t_s=last.t_s) != last or now_s >= last.t_s + RECEIPT_PERIOD_S:
             self._receipt = receipt
             bus.publish(RECEIPT, receipt)
+
+    def _publish_notes(self, bus: Bus, now_s: float) -> None:
+        """What people said of doors, once it is stored: that answers who said it."""
+        notes = self._state.notes, self._state.statement_id
+        if notes != self._notes_sent:
+            self._notes_sent = notes
+            bus.publish(DOOR_NOTES, message_of(now_s, notes[1], notes[0]))
 
     def _write_in_time(self, run: KeptRun, now_s: float) -> None:
         if self._next_write_s is None:

@@ -8,23 +8,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import msgpack
 import numpy as np
 
+from common.door_names import DoorNote, added, note_by, note_for, shown
 from common.messages.mapping import MapUpdate, PoseEstimate
 from common.messages.mapping import Trajectory as SmoothedTrajectory
 from common.messages.mission import PlannerView, Zones
-from common.messages.points_of_interest import PointOfInterest
-from common.messages.topics import MAP, PLAN, POI, POSE, TRAJECTORY, ZONES, Topic
+from common.messages.points_of_interest import DoorStatement, PointOfInterest
+from common.messages.topics import DOOR, MAP, PLAN, POI, POSE, TRAJECTORY, ZONES, Topic
 from common.room_number import key_of
 from common.zones import as_json, zones_of
 from offboard.runs import run_folder
 from offboard.runs.map_assembly import MapAssembly
 
-TOPICS_OF_FILES: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, POI, PLAN, ZONES)
+TOPICS_OF_FILES: tuple[Topic[Any], ...] = (POSE, MAP, TRAJECTORY, POI, PLAN, ZONES, DOOR)
 
 _log = logging.getLogger("recorder")
 
@@ -48,6 +50,8 @@ class RunFiles:
         self._trajectory: SmoothedTrajectory | None = None
         self._pois: dict[int, dict[str, Any]] = {}
         self._zones: Zones | None = None
+        self.notes: tuple[DoorNote, ...] = ()  # by a person, about doors
+        self.statement_id = 0  # of the newest of them
         self._photos: dict[str, bytes] = {}  # by name, until they are on the disk
         self._changed: set[str] = set()  # files that differ from what is here
         self._made: set[str] = set()  # those that were written, and cannot all be made from what is here
@@ -56,7 +60,7 @@ class RunFiles:
         """Goes on from a `summary`; False, and nothing is changed, where the folder does not hold what it refers to."""
         if not summary:
             return False
-        packed_map, pois, newest_pose_s, finished, trajectory_bytes, made = msgpack.unpackb(summary)
+        packed_map, pois, newest_pose_s, finished, trajectory_bytes, made, *notes = msgpack.unpackb(summary)
         trajectory = self.run_dir / run_folder.TRAJECTORY_NAME
         there = trajectory.exists() and trajectory.stat().st_size >= trajectory_bytes
         if not there or not all((self.run_dir / name).exists() for name in made):
@@ -64,6 +68,7 @@ class RunFiles:
         self.map = MapAssembly.unpack(packed_map)
         self._pois = {poi["poi_id"]: poi for poi in pois}
         self._newest_pose_s, self.finished, self._made = newest_pose_s, finished, set(made)
+        self.notes = tuple(DoorNote(*row) for rows in notes for row in rows)
         self._lines = run_folder.LineFile(trajectory, trajectory_bytes)
         return True
 
@@ -93,7 +98,8 @@ class RunFiles:
         self._lines.sync()
         for folder in {(self.run_dir / name).parent for name in (run_folder.POIS_NAME, *self._made)}:
             run_folder.sync_folder(folder)
-        last = (self._newest_pose_s, self.finished, self._lines.size, sorted(self._made))
+        notes = [[note.poi_id, note.x_m, note.y_m, note.number, note.room_name] for note in self.notes]
+        last = (self._newest_pose_s, self.finished, self._lines.size, sorted(self._made), notes)
         packed: bytes = msgpack.packb([self.map.pack(), list(self._pois.values()), *last])
         return packed
 
@@ -108,6 +114,8 @@ class RunFiles:
             self._changed.add(run_folder.SMOOTHED_NAME)
         elif isinstance(payload, PointOfInterest):
             self._take_poi(payload)
+        elif isinstance(payload, DoorStatement):
+            self._take_statement(payload)
         elif isinstance(payload, Zones):
             self._zones = payload
             self._changed.add(run_folder.ZONES_NAME)
@@ -130,7 +138,7 @@ class RunFiles:
             del self._photos[name]
         writers: dict[str, Callable[[Path], None]] = {
             run_folder.MAP_POINTS_NAME: lambda path: run_folder.write_map_points(path, *self.map.known()),
-            run_folder.POIS_NAME: lambda path: run_folder.write_json(path, list(self._pois.values())),
+            run_folder.POIS_NAME: lambda path: run_folder.write_json(path, list(map(self._shown, self._pois.values()))),
             run_folder.SMOOTHED_NAME: self._write_smoothed,
             run_folder.ZONES_NAME: self._write_zones,
         }
@@ -165,6 +173,20 @@ class RunFiles:
             self._photos[photo] = poi.photo_jpeg
         self._pois[poi.poi_id] = poi_record(poi, photo)
         self._changed.add(run_folder.POIS_NAME)
+
+    def _take_statement(self, statement: DoorStatement) -> None:
+        self.notes = added(self.notes, note_by(statement))
+        self.statement_id = statement.command_id
+        self._changed.add(run_folder.POIS_NAME)
+
+    def _shown(self, record: dict[str, Any]) -> dict[str, Any]:
+        """With what counts in place of what was read, where a person has said something."""
+        note = note_for(self.notes, record["poi_id"], record["x_m"], record["y_m"])
+        if note is None:
+            return record
+        counts = shown(record["number"], record["state"], note)
+        read = {"number_read": record["number"], "state_read": record["state"]}
+        return record | read | asdict(counts) | {"key": key_of(counts.number)}
 
     def _take_view(self, view: PlannerView) -> None:
         if view.outcome.ends_mission and not self.finished:

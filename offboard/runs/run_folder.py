@@ -47,7 +47,10 @@ MAP_REACH_M = 500.0  # along either axis from the start: what claims to lie fart
 
 _ROWS_AT_ONCE = 10_000
 _POSE_FORM = "t x y z qx qy qz qw"
-_POI_TEXTS = ("name", "description", "number", "room_type", "state", "photo")
+_POI_TEXTS = (
+    *("name", "description", "number", "room_type", "state", "photo"),
+    *("number_read", "state_read", "room_name", "judged"),  # where a person said something of it
+)
 
 _log = logging.getLogger(__name__)
 

@@ -17,14 +17,28 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from common.door_names import DoorNote, all_notes
 from common.geometry import FloatArray, Points
 from common.messages.health import Status
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
 from common.messages.mission import PlannerView
 from common.messages.motion import CarrierReport, Ranges
-from common.messages.points_of_interest import PointOfInterest
+from common.messages.points_of_interest import DoorStatements, PointOfInterest
 from common.messages.stop import Permit
-from common.messages.topics import CARRIER, GRID, MAP, PERMIT, PLAN, POI, POSE, RANGES, TRAJECTORY, ZONES, Topic
+from common.messages.topics import (
+    CARRIER,
+    DOOR_NOTES,
+    GRID,
+    MAP,
+    PERMIT,
+    PLAN,
+    POI,
+    POSE,
+    RANGES,
+    TRAJECTORY,
+    ZONES,
+    Topic,
+)
 from common.mission_state import mission_state
 from common.modules import ON_ROBOT
 from common.zones import Zone, zones_of
@@ -32,7 +46,7 @@ from offboard.operate import alerts
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor
 from offboard.visualizer.operator import OperatorView
-from offboard.visualizer.poi_store import PoiRecord, record_of
+from offboard.visualizer.poi_store import PoiRecord, record_of, with_notes
 from offboard.visualizer.vitals import Vitals
 
 TRAIL_STEP_M = 0.05
@@ -74,6 +88,7 @@ class LiveModel:
         self.zones: tuple[Zone, ...] = ()
         self.statuses: dict[str, Status] = {}
         self.pois: dict[int, PoiRecord] = {}
+        self.notes: tuple[DoorNote, ...] | None = None  # of doors, by people; None: as the store has it
         self.photos: dict[int, bytes] = {}  # until the store has them
         self.points_m: npt.NDArray[np.float32] = np.empty((0, 2), np.float32)
         self.inferred: npt.NDArray[np.uint8] = np.empty(0, np.uint8)
@@ -90,6 +105,7 @@ class LiveModel:
             POI.key: self._take_poi,
             PLAN.key: self._take_plan,
             PERMIT.key: self._take_permit,
+            DOOR_NOTES.key: self._take_notes,
             ZONES.key: lambda zones: self._replace("zones", zones_of(zones)),
             GRID.key: lambda grid: self._replace("grid", grid),
             CARRIER.key: self._take_carrier,
@@ -134,6 +150,7 @@ class LiveModel:
             known = self.pois.get(record.poi_id)
             if known is not None and known.t_s > record.t_s:
                 continue
+            record = self._noted(record)
             if known != record:
                 self.pois[record.poi_id] = record
                 self._changed("pois")
@@ -232,8 +249,16 @@ class LiveModel:
             self._keep_photo(poi.poi_id, poi.photo_jpeg)
         elif known is not None and known.has_photo:
             record = dataclasses.replace(record, has_photo=True)
-        self.pois[poi.poi_id] = record
+        self.pois[poi.poi_id] = self._noted(record)
         self._changed("pois")
+
+    def _take_notes(self, message: DoorStatements) -> None:
+        self.notes = all_notes(message)
+        self.pois = {poi_id: self._noted(record) for poi_id, record in self.pois.items()}
+        self._changed("pois")
+
+    def _noted(self, record: PoiRecord) -> PoiRecord:
+        return record if self.notes is None else with_notes(record, self.notes)
 
     def _keep_photo(self, poi_id: int, photo: bytes) -> None:
         self.photos.pop(poi_id, None)

@@ -18,7 +18,7 @@ from offboard.visualizer.feed import Feed, Held
 from offboard.visualizer.guards import is_of_host, is_own
 from offboard.visualizer.operator import Operator
 from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
-from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, OfDoor, Replay, Stop, parse
 
 PAGES_MAX = 32  # the other connections are for files, photos and exports
 
@@ -108,6 +108,8 @@ class OpenPages:
                     self._playback.show(request.at_s, request.speed)
                 elif isinstance(request, Stop):
                     self._operator.stop()
+                elif isinstance(request, OfDoor):
+                    self._operator.note_door(request)
                 else:
                     self._operator.operate(request)
             except BadRequest:

@@ -18,10 +18,12 @@ from common.bus import Bus
 from common.errors import StartError, sentence
 from common.messages.topics import PERMIT, PLAN
 from offboard.operate import operations
+from offboard.operate.door_sender import SENTENCES, DoorSender
 from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import look, robot_report
 from offboard.operate.stop_desk import StopDesk, StopSender
+from offboard.visualizer.requests import OfDoor
 
 _STEP_S = 0.05
 _RETRY_S = 2.0
@@ -52,6 +54,7 @@ class Operator(Protocol):
     def close(self) -> None: ...
     def stop(self) -> None: ...
     def operate(self, order: Order) -> None: ...
+    def note_door(self, of_door: OfDoor) -> None: ...
 
 
 class NoOperator:
@@ -61,6 +64,7 @@ class NoOperator:
     def close(self) -> None: ...
     def stop(self) -> None: ...
     def operate(self, order: Order) -> None: ...
+    def note_door(self, of_door: OfDoor) -> None: ...
 
 
 class BusOperator:
@@ -72,6 +76,8 @@ class BusOperator:
         self._lock = threading.Lock()
         self._order: Order | None = None
         self._orders, self._ordered = OrderSender(), ""
+        self._of_door: OfDoor | None = None
+        self._doors = DoorSender(secrets.randbits)
         self._view = OperatorView()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="operator", daemon=True)
@@ -93,6 +99,11 @@ class BusOperator:
             self._order = order
         _log.info("%s", order)
 
+    def note_door(self, of_door: OfDoor) -> None:
+        with self._lock:
+            self._of_door = of_door
+        _log.info("door poi_id=%d number=%s room_name=%s", of_door.poi_id, of_door.number, of_door.room_name)
+
     def _run(self) -> None:
         while not self._ended.is_set():
             try:
@@ -113,7 +124,7 @@ class BusOperator:
     def _step(self, bus: Bus, now_s: float) -> None:
         report = robot_report(bus, now_s)
         control = self._desk.receive(report, now_s)
-        answer = self._operate(bus, now_s)
+        answer = self._note_door(bus, now_s) or self._operate(bus, now_s)
         self._show(OperatorView(look(control, report, now_s).name, answer, ""))
 
     def _operate(self, bus: Bus, now_s: float) -> str:
@@ -129,6 +140,15 @@ class BusOperator:
         if answer is Answer.WAITING:
             return f"Sent: {self._ordered}."
         return operations.result_sentence(self._ordered, answer, bus.latest(PERMIT), bus.latest(PLAN))
+
+    def _note_door(self, bus: Bus, now_s: float) -> str:
+        """As `_operate`, for what was said of a door; empty where nothing is under way."""
+        with self._lock:
+            door, self._of_door = self._of_door, None
+        if door is not None:
+            self._doors.give(now_s, door.poi_id, (door.x_m, door.y_m), door.number, door.room_name)
+        answer = self._doors.step(bus, now_s)
+        return SENTENCES[answer] if answer is not None else ""
 
     def _show(self, view: OperatorView) -> None:
         if view != self._view:

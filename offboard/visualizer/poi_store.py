@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
+from common.door_names import DoorNote, note_for, shown
 from common.messages.points_of_interest import PointOfInterest
 from offboard.runs.run_folder import POIS_NAME, RunFolderError, read_pois
 
@@ -33,14 +35,27 @@ class PoiRecord:
     state: str  # read, doubtful, unread
     t_s: float
     has_photo: bool
+    number_read: str = ""  # of the plate; `number` and `state` are what counts
+    state_read: str = ""
+    room_name: str = ""  # by a person
+    judged: str = ""  # what a person said of the number: confirmed or corrected
 
 
-_KEPT = tuple(f.name for f in dataclasses.fields(PoiRecord) if f.name != "has_photo")
+_KEPT = ("poi_id", "name", "description", "x_m", "y_m", "number", "room_type", "confidence", "state", "t_s")
 
 
 def record_of(poi: PointOfInterest) -> PoiRecord:
     """The record of a message, without the photo."""
-    return PoiRecord(**{name: getattr(poi, name) for name in _KEPT}, has_photo=bool(poi.photo_jpeg))
+    kept = {name: getattr(poi, name) for name in _KEPT}
+    has_photo = bool(poi.photo_jpeg)
+    return PoiRecord(**kept, has_photo=has_photo, number_read=poi.number, state_read=poi.state)
+
+
+def with_notes(record: PoiRecord, notes: Sequence[DoorNote]) -> PoiRecord:
+    """As it counts with what people said of doors."""
+    of_it = note_for(notes, record.poi_id, record.x_m, record.y_m)
+    counts = shown(record.number_read, record.state_read, of_it)
+    return dataclasses.replace(record, **dataclasses.asdict(counts))
 
 
 class PoiStore(Protocol):
@@ -120,4 +135,8 @@ def _record(entry: dict[str, Any]) -> PoiRecord:
         state=str(entry.get("state") or ""),
         t_s=float(entry.get("t_s") or 0.0),
         has_photo=bool(entry.get("photo")),
+        number_read=str(entry.get("number_read", entry.get("number")) or ""),
+        state_read=str(entry.get("state_read", entry.get("state")) or ""),
+        room_name=str(entry.get("room_name") or ""),
+        judged=str(entry.get("judged") or ""),
     )

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from common.fields import COORDINATE, CORNERS_MAX
+from common.fields import COORDINATE, CORNERS_MAX, POI_ID_MAX, WORD_MAX
 from common.messages.mission import Operation
+from common.plain_text import plain
 from common.zones import KIND_OF
 from offboard.operate.operations import Order
 
-STOP = "stop"
+STOP, DOOR = "stop", "door"
 _OPERATIONS = {operation.value: operation for operation in Operation}
 
 
@@ -39,6 +40,17 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
+class OfDoor:
+    """What a person says of a door: its number, its room's name; both empty take back what was said."""
+
+    poi_id: int
+    x_m: float
+    y_m: float
+    number: str
+    room_name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Replay:
     """A recorded run from this moment on (None: from where it is), so many times as fast; 0 stands."""
 
@@ -46,7 +58,7 @@ class Replay:
     speed: float
 
 
-def parse(text: str, token: str) -> Confirmation | Order | Stop | Replay:
+def parse(text: str, token: str) -> Confirmation | Order | OfDoor | Stop | Replay:
     """`token`: what an order must carry; with an empty one none but a stop is taken. Raises BadRequest."""
     try:
         message = json.loads(text)
@@ -73,12 +85,14 @@ def _confirmation(message: dict[str, Any]) -> Confirmation:
     return Confirmation(received, _number(at_s))
 
 
-def _order(message: dict[str, Any], token: str) -> Order | Stop:
+def _order(message: dict[str, Any], token: str) -> Order | OfDoor | Stop:
     name, given = message["order"], message.get("token")
     if name == STOP:
         return Stop()
     if not token or not isinstance(given, str) or not hmac.compare_digest(given.encode(), token.encode()):
         raise BadRequest("no right to give orders")
+    if name == DOOR:
+        return _of_door(message)
     if not isinstance(name, str) or name not in _OPERATIONS:
         raise BadRequest("no order")
     operation = _OPERATIONS[name]
@@ -96,6 +110,19 @@ def _place(x_m: Any, y_m: Any) -> tuple[float, float]:
     if not all(COORDINATE.low <= metres <= COORDINATE.high for metres in place):
         raise BadRequest("no place of a floor")
     return place
+
+
+def _of_door(message: dict[str, Any]) -> OfDoor:
+    poi_id, number, room_name = message.get("poi_id"), message.get("number"), message.get("room_name")
+    if type(poi_id) is not int or not 0 <= poi_id <= POI_ID_MAX:
+        raise BadRequest("no door")
+    return OfDoor(poi_id, *_place(message.get("x_m"), message.get("y_m")), _word(number), _word(room_name))
+
+
+def _word(text: Any) -> str:
+    if not isinstance(text, str) or len(text) > WORD_MAX:
+        raise BadRequest("no text")
+    return plain(text, WORD_MAX)
 
 
 def _corners(given: Any) -> tuple[tuple[float, float], ...]:

@@ -8,14 +8,28 @@ from __future__ import annotations
 from typing import Any
 
 from common.bus import Bus
-from common.messages.topics import CARRIER, GRID, MAP, PERMIT, PLAN, POI, POSE, RANGES, STATUS, TRAJECTORY, ZONES, Topic
+from common.messages.topics import (
+    CARRIER,
+    DOOR_NOTES,
+    GRID,
+    MAP,
+    PERMIT,
+    PLAN,
+    POI,
+    POSE,
+    RANGES,
+    STATUS,
+    TRAJECTORY,
+    ZONES,
+    Topic,
+)
 from common.status import StatusReporter
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.server import PageServer
 
 REFRESH_PERIOD_S = 1.0
 _EVERY_ONE: tuple[Topic[Any], ...] = (POSE, MAP, POI)
-_NEWEST: tuple[Topic[Any], ...] = (RANGES, CARRIER, PLAN, PERMIT, TRAJECTORY, GRID, ZONES, *STATUS.values())
+_NEWEST: tuple[Topic[Any], ...] = (RANGES, CARRIER, PLAN, PERMIT, TRAJECTORY, GRID, ZONES, DOOR_NOTES, *STATUS.values())
 
 
 class Visualizer:

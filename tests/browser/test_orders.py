@@ -12,10 +12,12 @@ import pytest
 from playwright.sync_api import expect
 
 from common.messages.mission import Operation
-from common.messages.topics import ZONES
+from common.messages.points_of_interest import DoorStatements
+from common.messages.topics import DOOR_NOTES, ZONES
 from common.zones import Zone, ZoneKind, message_of
 from offboard.operate.operations import Order
 from offboard.visualizer.operator import OperatorView
+from offboard.visualizer.requests import OfDoor
 from tests.browser.conftest import Robot, Visit
 
 pytestmark = pytest.mark.timeout(60)
@@ -29,6 +31,7 @@ class Orders:
     def __init__(self) -> None:
         self.taken: list[tuple[Any, ...]] = []
         self.given: list[Order] = []
+        self.noted: list[OfDoor] = []
 
     def open(self) -> None: ...
 
@@ -36,6 +39,9 @@ class Orders:
 
     def stop(self) -> None:
         self.taken.append(("stop",))
+
+    def note_door(self, of_door: OfDoor) -> None:
+        self.noted.append(of_door)
 
     def operate(self, order: Order) -> None:
         self.given.append(order)
@@ -131,6 +137,21 @@ def test_lines_and_areas_are_drawn_by_clicks_shown_as_the_robot_reports_and_remo
     page.keyboard.press("Escape")
     expect(page.locator("#drawn")).to_be_hidden()
     assert len(orders.given) == 2
+
+
+def test_a_door_is_put_right_and_named_in_its_dialog(robot: Robot, orders: Orders, visit: Open) -> None:
+    seen = visit(robot)
+    seen.until_live(robot)
+    page = seen.page
+    page.get_by_role("button", name="Door 102 Laboratory").click()
+    expect(page.get_by_label("Number", exact=True)).to_have_value("102")
+    page.get_by_label("Number", exact=True).fill("103")
+    page.get_by_label("Room's name").fill("Green room")
+    page.get_by_label("Room's name").press("Enter")
+    seen.until(lambda: orders.noted == [OfDoor(2, 2.5, 0.0, "103", "Green room")], "what was said")
+    robot.feed.take(DOOR_NOTES, DoorStatements(0.0, 1, (2,), (2.5,), (0.0,), ("103",), ("Green room",)))
+    expect(page.locator("#poi-headline")).to_have_text("Green room 103")
+    expect(page.locator('[data-field="state"]')).to_have_text("✓ Corrected by a person, read as 102")
 
 
 FOREIGN = b"""<!doctype html><title>foreign</title><script>

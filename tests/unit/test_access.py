@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from common.access import ROLES, laptop_rules, published_keys, queried_keys, robot_rules, role_of, subscribed_keys
-from common.messages.topics import OPERATION, STOP, TOPICS, QosProfile
+from common.messages.topics import DOOR, OPERATION, STOP, TOPICS, QosProfile
 from common.modules import ROBOT_SENDERS
 
-COMMANDS = {STOP.key, OPERATION.key}
+COMMANDS = {DOOR.key, STOP.key, OPERATION.key}
 
 
 def test_only_the_command_center_says_commands() -> None:

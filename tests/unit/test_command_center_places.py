@@ -78,4 +78,4 @@ def test_damaged_records_of_doors_are_told_and_no_doors_are_known(
 
 def test_numbers_of_doors_are_fit_for_a_terminal(tmp_path: Path) -> None:
     (tmp_path / "pois.json").write_text('[{"poi_id": 1, "number": "\\u001b[31m7", "x_m": 1, "y_m": 2}]')
-    assert findings_of_run(tmp_path) == {1: Finding("\ufffd[31m7", 1.0, 2.0)}
+    assert findings_of_run(tmp_path) == {1: Finding("\ufffd[31m7", 1.0, 2.0, number_read="\ufffd[31m7")}

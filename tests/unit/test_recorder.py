@@ -18,8 +18,8 @@ from common.bus import LocalBus, LocalMesh
 from common.errors import ErrorCode
 from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
 from common.messages.mission import Outcome, PlannerView
-from common.messages.points_of_interest import PointOfInterest
-from common.messages.topics import MAP, PLAN, POI, POSE, STATUS, TRAJECTORY, ZONES
+from common.messages.points_of_interest import DoorStatement, PointOfInterest
+from common.messages.topics import DOOR, DOOR_NOTES, MAP, PLAN, POI, POSE, STATUS, TRAJECTORY, ZONES
 from common.zones import Zone, ZoneKind, message_of
 from offboard.recorder.recorder import WRITE_PERIOD_S, Recorder
 from offboard.runs import run_folder
@@ -134,6 +134,41 @@ def test_what_a_person_drew_is_in_the_run_folder_also_after_a_restart(run: Run) 
     run.say(MAP, map_update(1, [2.0]))
     run.step(WRITE_PERIOD_S)
     assert run_folder.read_map(run.folder).zones == (line,)
+
+
+def of_door(poi_id: int, number: str, room_name: str, command_id: int = 5) -> DoorStatement:
+    return DoorStatement(2.0, poi_id, 1.0, 2.0, number, room_name, command_id=command_id)
+
+
+def test_what_a_person_said_of_a_door_stands_beside_what_was_read_and_outlives_a_restart(run: Run) -> None:
+    run.say(POI, door(1, "214"))
+    person = run.mesh.endpoint("command_center")
+    assert person.latest(DOOR_NOTES) is None
+    person.publish(DOOR, of_door(1, "241", "Kitchen"))
+    run.step()
+    answer = person.latest(DOOR_NOTES)
+    assert answer is not None
+    assert (answer.command_id, answer.numbers) == (5, ("241",)), "it is answered once it is stored"
+    run.recorder.close()
+
+    def record() -> dict[str, Any]:
+        (found,) = run_folder.read_pois(run.folder / "pois.json")
+        return found
+
+    expected = {"number": "241", "number_read": "214", "key": "241", "room_name": "Kitchen", "judged": "corrected"}
+    assert record().items() >= expected.items()
+    run.recorder = Recorder(run.folder)
+    run.say(POI, door(1, "215"))
+    run.step(WRITE_PERIOD_S)
+    assert record().items() >= (expected | {"number_read": "215"}).items(), "a newer reading does not override it"
+    again = person.latest(DOOR_NOTES)
+    assert again is not None
+    assert again.numbers == ("241",)
+
+    person.publish(DOOR, of_door(1, "", "", command_id=6))
+    run.step(1.0 + WRITE_PERIOD_S)
+    assert record()["number"] == "215"
+    assert "judged" not in record()
 
 
 def test_lost_map_points_are_noticed_until_the_map_begins_anew(run: Run, caplog: pytest.LogCaptureFixture) -> None:

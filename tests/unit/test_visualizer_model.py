@@ -286,7 +286,9 @@ class TestPointsOfInterest:
         store = RunFolderPois(tmp_path)
         assert store.read() is None
         write_pois(tmp_path, entry(1))
-        assert store.read() == [PoiRecord(1, "Door", "", 1.0, 2.0, "101", "Office", 0.5, "read", 1.0, False)]
+        assert store.read() == [
+            PoiRecord(1, "Door", "", 1.0, 2.0, "101", "Office", 0.5, "read", 1.0, False, "101", "read")
+        ]
         assert store.read() is None
 
     def test_no_file_outside_the_run_is_ever_a_photo(self, tmp_path: Path) -> None:

@@ -12,9 +12,19 @@ from hypothesis import strategies as st
 
 from common.messages.mission import Operation
 from offboard.operate.operations import Order
-from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, OfDoor, Replay, Stop, parse
 
 TOKEN = "secret"
+
+
+def test_what_is_said_of_a_door_comes_with_its_place() -> None:
+    said = {"order": "door", "poi_id": 7, "x_m": 1, "y_m": 2.5, "number": "2.01", "room_name": "Küche"}
+    assert parse(json.dumps(said | {"token": TOKEN}), TOKEN) == OfDoor(7, 1.0, 2.5, "2.01", "Küche")
+    for wrong in ({"poi_id": True}, {"poi_id": 9999}, {"number": 7}, {"room_name": "x" * 101}, {"x_m": None}):
+        with pytest.raises(BadRequest):
+            parse(json.dumps(said | {"token": TOKEN} | wrong), TOKEN)
+    with pytest.raises(BadRequest, match="no right"):
+        parse(json.dumps(said), TOKEN)
 
 
 def test_lines_and_areas_come_with_their_corners_and_leave_by_their_number() -> None:

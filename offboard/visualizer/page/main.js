@@ -1,6 +1,7 @@
 // Joins the parts of the page: link -> model -> map, markers, list, dialog, panel.
 
 import { Alerts } from "./alerts.js";
+import { DoorForm } from "./door_form.js";
 import { Gestures } from "./gestures.js";
 import { Link } from "./link.js";
 import { MapView } from "./map_view.js";
@@ -46,6 +47,7 @@ const orders = new Orders(model, {
 const zones = new Zones(map, orders, (onPick) => gestures.pick(onPick));
 const timeline = new Timeline(model, (message) => link.send(message));
 const paper = new Paper(map, model, screenScale);
+const doorForm = new DoorForm(orders);
 const dialog = new PoiDialog({
   find: (id) => model.pois.find((poi) => poi.poi_id === id),
   neighbours: () => list.shown,
@@ -53,6 +55,7 @@ const dialog = new PoiDialog({
   show: centre,
   drive: (poi) => orders.goto(poi.x_m, poi.y_m),
   mayDrive: () => orders.allowed,
+  onShow: (poi) => doorForm.show(poi),
   onSelect: (id) => {
     selected = id ?? selected;
     list.select(selected);

@@ -1,10 +1,10 @@
 // A point of interest opened: photo, name, number, room type. `#poi=ID` in the address opens it too, also when it is
 // only found later.
 
-import { headline, stateOf } from "./poi_text.js";
+import { headline, judgementOf, stateOf } from "./poi_text.js";
 
 export class PoiDialog {
-  constructor({ find, neighbours, place, show, drive, mayDrive, onSelect }) {
+  constructor({ find, neighbours, place, show, drive, mayDrive, onSelect, onShow }) {
     this.find = find; // id -> point of interest
     this.neighbours = neighbours; // () -> the list to walk along
     this.place = place; // point of interest -> words
@@ -12,6 +12,7 @@ export class PoiDialog {
     this.mayDrive = mayDrive;
     this.show = show; // brings it into the middle of the map
     this.onSelect = onSelect;
+    this.onShow = onShow; // what else the dialog has of it
     this.dialog = document.getElementById("poi");
     this.image = this.dialog.querySelector("img");
     this.id = null;
@@ -52,7 +53,7 @@ export class PoiDialog {
       name: poi.name,
       number: poi.number || "none read",
       room_type: poi.room_type || "none read",
-      state: `${sign} ${reading}, ${Math.round(100 * poi.confidence)} % sure`,
+      state: poi.judged ? judgementOf(poi) : `${sign} ${reading}, ${Math.round(100 * poi.confidence)} % sure`,
       place: this.place(poi),
     };
     for (const [field, value] of Object.entries(values)) {
@@ -60,6 +61,7 @@ export class PoiDialog {
     }
     this.dialog.querySelector("h2").textContent = headline(poi);
     this.#showPhoto(poi);
+    this.onShow(poi);
   }
 
   #showPhoto(poi) {
@@ -110,7 +112,7 @@ export class PoiDialog {
 
   #key(event) {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (step) this.#step(step);
+    if (step && !event.target.matches("input")) this.#step(step);
   }
 
   #closed() {

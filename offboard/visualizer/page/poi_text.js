@@ -8,9 +8,13 @@ export const STATES = {
 
 export const stateOf = (poi) => STATES[poi.state] ?? { sign: "·", text: poi.state || "Unknown" };
 
-export const headline = (poi) => [poi.room_type, poi.number].filter(Boolean).join(" ") || poi.name || "Point of interest";
+// What a person said of the number, and what was read
+export const judgementOf = ({ judged, number_read }) =>
+  judged === "confirmed" ? "✓ Confirmed by a person" : `✓ Corrected by a person, ${number_read ? `read as ${number_read}` : "not read"}`;
 
-export const spoken = (poi) => [poi.name, poi.number || "without number", poi.room_type].filter(Boolean).join(" ");
+export const headline = (poi) => [poi.room_name || poi.room_type, poi.number].filter(Boolean).join(" ") || poi.name || "Point of interest";
+
+export const spoken = (poi) => [poi.name, poi.number || "without number", poi.room_name || poi.room_type].filter(Boolean).join(" ");
 
 // In the map's own coordinates, which are those of `goto`: metres from where the robot started, ahead and to its left
 export const place = ({ x_m, y_m }) => `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m`;
