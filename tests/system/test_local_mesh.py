@@ -23,7 +23,9 @@ def local(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM, signal.SIGKILL]
+)
 def test_no_process_is_left_when_local_ends(
     local: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:
