@@ -11,9 +11,9 @@ from common.clock import FreeClock
 from common.config import Config
 from common.process import argument_parser, run
 from common.zenoh_bus import ZenohBus
+from offboard.operate.bus_operator import BusOperator
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import ShownRun
-from offboard.visualizer.operator import BusOperator
 from offboard.visualizer.poi_store import RunFolderPois
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer

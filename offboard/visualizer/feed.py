@@ -16,10 +16,10 @@ from typing import Any
 
 from common.messages.health import Status
 from common.messages.topics import Topic
+from offboard.operate.bus_operator import OperatorView
 from offboard.runs.run_folder import MapData
 from offboard.visualizer import protocol
 from offboard.visualizer.live_model import NO_RUN, LiveModel, ShownRun
-from offboard.visualizer.operator import OperatorView
 from offboard.visualizer.poi_store import NoPois, PoiRecord, PoiStore
 
 

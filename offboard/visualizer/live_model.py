@@ -43,9 +43,9 @@ from common.mission_state import mission_state
 from common.modules import ON_ROBOT
 from common.zones import Zone, zones_of
 from offboard.operate import alerts
+from offboard.operate.bus_operator import OperatorView
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_folder import MapData, on_floor
-from offboard.visualizer.operator import OperatorView
 from offboard.visualizer.poi_store import PoiRecord, record_of, with_notes
 from offboard.visualizer.vitals import Vitals
 

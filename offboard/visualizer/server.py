@@ -17,12 +17,12 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 
 from common.errors import StartError, sentence
+from offboard.operate.bus_operator import NoOperator, Operator
 from offboard.visualizer.connections import CONNECTIONS_MAX, BoundedProtocol, keep_log_brief
 from offboard.visualizer.exports import Exports, attachment
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.guards import PAGE, KnownHosts, PolicyHeaders
 from offboard.visualizer.open_pages import NoPlayback, OpenPages, Playback
-from offboard.visualizer.operator import NoOperator, Operator
 
 _RECEIVED_BYTES_MAX = 1024  # a page sends what it has received, and orders
 _PIECE_BYTES = 64_000

@@ -18,9 +18,9 @@ from common.messages.points_of_interest import PointOfInterest
 from common.messages.stop import Permit
 from common.messages.topics import MAP, PERMIT, POI, POSE
 from deploy.bench.browser import CHROMIUM, chromium
+from offboard.operate.bus_operator import Operator
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.live_model import NO_RUN, ShownRun
-from offboard.visualizer.operator import Operator
 from offboard.visualizer.server import PageServer
 
 

@@ -8,7 +8,7 @@ from importlib import resources
 import pytest
 from playwright.sync_api import Page
 
-from offboard.visualizer.operator import OperatorView
+from offboard.operate.bus_operator import OperatorView
 from tests.browser.conftest import Robot, Visit
 
 pytest.importorskip("axe_playwright_python", reason="axe-core comes with the extra `dev`")

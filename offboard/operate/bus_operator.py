@@ -1,7 +1,7 @@
-"""What a person orders on the page -> the robot, by the rules of the Command Center; and what became of it.
+"""What a person orders elsewhere (page, ROS) -> the robot, by the rules of the Command Center; and what became of it.
 
 It joins the mesh as the verbs `estop` and `goto` do: as a client of the Command Center's role, with its keys where the
-mesh has keys. A thread of its own does so, because the mesh may start after the page, or again.
+mesh has keys. A thread of its own does so, because the mesh may start after the program, or again.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from offboard.visualizer.requests import OfDoor
 _STEP_S = 0.05
 _RETRY_S = 2.0
 
-_log = logging.getLogger("visualizer")
+_log = logging.getLogger("operator")
 
 
 class ClosableBus(Bus, Protocol):
@@ -37,7 +37,7 @@ class ClosableBus(Bus, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OperatorView:
-    """What the page shows of it: the stop (a name of `software_stop.Look`), the newest order's answer.
+    """What to show of it: the stop (a name of `software_stop.Look`), the newest order's answer.
 
     `hindrance`: why nothing can be ordered here, as one sentence; empty where it can.
     """
@@ -48,7 +48,7 @@ class OperatorView:
 
 
 class Operator(Protocol):
-    """Used by the server and its thread, from `open` to `close`."""
+    """Used by one thread, from `open` to `close`."""
 
     def open(self) -> None: ...
     def close(self) -> None: ...
