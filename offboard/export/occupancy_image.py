@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from common import grid_cells
 from common.constants import FOOTPRINT_RADIUS_M, SONAR_BEARINGS_RAD
 from common.geometry import FloatArray, Points
 from common.messages.topics import RANGES
@@ -43,6 +44,12 @@ class OccupancyImage:
         """A binary PGM file (P5)."""
         rows, columns = self.cells.shape
         return b"".join((f"P5\n{columns} {rows}\n255\n".encode(), self.cells.data))
+
+    def grid_cells(self) -> npt.NDArray[np.uint8]:
+        """The cells as the robot's own grid has them (`common/grid_cells.py`), row 0 at the lowest y."""
+        cells = np.full(self.cells.shape, grid_cells.UNKNOWN, np.uint8)
+        cells[self.cells == FREE], cells[self.cells == OCCUPIED] = grid_cells.FREE, grid_cells.WALL
+        return cells[::-1]
 
     def yaml(self, image_name: str) -> str:
         """What a ROS map server reads beside the image."""

@@ -11,7 +11,7 @@ from math import inf
 from offboard.runs.run_database import Message, RunReader
 
 NS = 1_000_000_000
-_NEWEST_S = 2.0**31 - 1.0  # ROS counts seconds in 31 bits
+NEWEST_S = 2.0**31 - 1.0  # ROS counts seconds in 31 bits
 
 
 class RunTime:
@@ -30,4 +30,4 @@ class RunTime:
     def at(self, message: Message[object], t_s: float) -> int:
         """Another time on the clock of its sender."""
         ahead_s = self._ahead_s.get((message.topic.producer, message.boot_id), 0.0)
-        return round(min(max(self._date_s + ahead_s + t_s, 0.0), _NEWEST_S) * NS)
+        return round(min(max(self._date_s + ahead_s + t_s, 0.0), NEWEST_S) * NS)

@@ -21,7 +21,6 @@ import numpy as np
 from common.config import VisualizerSection
 from common.errors import StartError, sentence
 from common.fields import GRID_CELLS_MAX
-from common.grid_cells import FREE, UNKNOWN, WALL
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
 from common.messages.topics import CARRIER, GRID, MAP, PERMIT, PLAN, POSE, STATUS, TRAJECTORY, ZONES, Topic
 from common.zones import message_of
@@ -142,9 +141,8 @@ def _grid(run_dir: Path) -> GridUpdate | None:
         return None
     if image.cells.size > GRID_CELLS_MAX:
         return None
-    cells = np.full(image.cells.shape, UNKNOWN, np.uint8)
-    cells[image.cells == occupancy_image.FREE] = FREE
-    cells[image.cells == occupancy_image.OCCUPIED] = WALL
     rows, columns = image.cells.shape
     origin = image.origin_x_m, image.origin_y_m
-    return GridUpdate(0.0, 1, *origin, occupancy_image.CELL_M, rows, columns, zlib.compress(cells[::-1].tobytes()))
+    return GridUpdate(
+        0.0, 1, *origin, occupancy_image.CELL_M, rows, columns, zlib.compress(image.grid_cells().tobytes())
+    )

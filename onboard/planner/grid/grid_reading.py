@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from common.grid_cells import cells_of
 from common.messages.mapping import GridUpdate
 from common.zones import Zone
 from onboard.planner.grid.grid_map import CLEARANCE_MAX_CELLS, SLIVER_PASSES, GridMap, close_slivers
@@ -31,7 +30,10 @@ def read(update: GridUpdate, zones: Sequence[Zone] = ()) -> GridMap:
 
     Raises GridError when the cells cannot be unpacked or do not fill the announced shape.
     """
-    raw = _inflated(update.cells_zlib, update.rows * update.columns).reshape(update.rows, update.columns)
+    try:
+        raw = cells_of(update)
+    except ValueError as error:
+        raise GridError(str(error)) from error
     rows, columns = np.flatnonzero(raw.any(axis=1)), np.flatnonzero(raw.any(axis=0))
     if not len(rows):
         return GridMap(raw, update.origin_x_m, update.origin_y_m, update.cell_m)
@@ -78,16 +80,3 @@ def tiles(shape: tuple[int, int], side: int, halo: int) -> Iterator[tuple[Part, 
                 (slice(r0, r1 + halo), slice(c0, c1 + halo)),
                 (slice(r - r0, r1 - r0), slice(c - c0, c1 - c0)),
             )
-
-
-def _inflated(pressed: bytes, count: int) -> npt.NDArray[np.uint8]:
-    """So many cells; a few bytes may claim to be gigabytes, so no more than these are unpacked."""
-    inflater = zlib.decompressobj()
-    try:
-        cells = inflater.decompress(pressed, max(count, 1))
-        more = b"" if inflater.eof else inflater.decompress(inflater.unconsumed_tail, 1)
-    except zlib.error as error:
-        raise GridError(str(error)) from error
-    if len(cells) != count or more or not inflater.eof:
-        raise GridError(f"not the {count} cells of its rows and columns")
-    return np.frombuffer(cells, np.uint8)
