@@ -127,10 +127,14 @@ class OperatorActions(AppBase):
     def action_follow_log(self) -> None:
         self.main.log_view.follow(not self.main.log_view.following)
 
+    def show_messages(self, topics: frozenset[str]) -> None:
+        """From now on messages of these topics stand in the log."""
+        self.node.show_messages(topics)
+
     async def action_choose_topics(self) -> None:
         def answered(topics: frozenset[str] | None) -> None:
             if topics is not None:
-                self.node.show_messages(topics)
+                self.show_messages(topics)
                 self.main.set_topics(topics)
 
         await self.push_screen(TopicsScreen(self.main.filter.topics), answered)

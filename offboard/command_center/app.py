@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterable
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -23,11 +25,15 @@ from offboard.command_center.bindings import (
     LOG_BINDINGS,
     OPERATION_BINDINGS,
     STOP_BINDINGS,
+    STOP_HELP,
+    Groups,
 )
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.screens.guarded import Guarded, GuardedPalette
 from offboard.command_center.screens.main import MainScreen
+from offboard.command_center.snapshot import Snapshot
 from offboard.command_center.widgets.robot_panel import WIDE_COLUMNS
+from offboard.command_center.widgets.stop_bar import StopBar
 from offboard.operate.alerts import Alerts
 from offboard.operate.operations import Answer
 from offboard.operate.software_stop import Demand, StopControl
@@ -64,6 +70,8 @@ class CommandCenterApp(OperatorActions, App[int]):
     HORIZONTAL_BREAKPOINTS = WIDTHS
     VERTICAL_BREAKPOINTS = HEIGHTS
     BINDINGS: ClassVar[list[BindingType]] = [*STOP_BINDINGS, *GENERAL_BINDINGS, *OPERATION_BINDINGS, *LOG_BINDINGS]
+    BINDING_GROUPS: ClassVar[Groups] = (STOP_BINDINGS, OPERATION_BINDINGS, LOG_BINDINGS, GENERAL_BINDINGS)
+    HELP_ON_SAFETY: ClassVar[str] = STOP_HELP
 
     def __init__(
         self,
@@ -79,12 +87,25 @@ class CommandCenterApp(OperatorActions, App[int]):
         self.node = node
         self.owns_mesh = owns_mesh
         self.export_dir = export_dir
-        self.main = MainScreen(page)
+        self.main = self.make_main(page)
         self._robot = robot
         self._stop = stop or threading.Event()
         self._reported_operation = 0
         self._alerts = Alerts()
         self._control_shown = StopControl()
+
+    def make_main(self, page: str) -> MainScreen:
+        # Lines arrive by the monotonic clock, people read the wall clock
+        return MainScreen(page, time.time() - time.monotonic())
+
+    def make_bar(self) -> StopBar:
+        """Of a screen; each has one of its own."""
+        return StopBar(self.action_software_stop)
+
+    @property
+    def corner(self) -> str:
+        """What stands in the bar's right corner."""
+        return self._robot
 
     def notify(
         self,
@@ -125,7 +146,7 @@ class CommandCenterApp(OperatorActions, App[int]):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Every bound action by its name."""
-        for binding in (*STOP_BINDINGS, *OPERATION_BINDINGS, *LOG_BINDINGS, *GENERAL_BINDINGS):
+        for binding in chain.from_iterable(self.BINDING_GROUPS):
             if binding.id in HELP:
                 yield SystemCommand(binding.description, HELP[binding.id], partial(self.run_action, binding.action))
 
@@ -142,21 +163,24 @@ class CommandCenterApp(OperatorActions, App[int]):
         self.main.feed_log(self.node.take_log(), snapshot.lines_dropped)
         for screen in self.screen_stack:
             if isinstance(screen, Guarded) and screen.is_mounted:
-                screen.stop_bar.show(snapshot, self._robot)
+                screen.stop_bar.show(snapshot, self.corner)
                 screen.show(snapshot)
-        for text in self._alerts.news(snapshot.reasons, snapshot.now_s, known=snapshot.view is not None):
-            self.bell()
-            self.notify(text, timeout=ALERT_S)
+        self.call_for_help(snapshot)
         result = snapshot.operation
         if result is not None and result.answer is not Answer.WAITING and result.serial != self._reported_operation:
             self._reported_operation = result.serial
             self.notify(result.sentence, severity="information" if result.answer is Answer.TAKEN else "error")
 
+    def call_for_help(self, snapshot: Snapshot) -> None:
+        for text in self._alerts.news(snapshot.reasons, snapshot.now_s, known=snapshot.view is not None):
+            self.bell()
+            self.notify(text, timeout=ALERT_S)
+
     def pull_bar(self) -> None:
         """The bar of the screen in front alone: a press must be seen at once."""
         screen = self.screen
         if isinstance(screen, Guarded):
-            screen.stop_bar.show(self.node.snapshot(), self._robot)
+            screen.stop_bar.show(self.node.snapshot(), self.corner)
 
     def _pull_bar_while_demanding(self) -> None:
         """And once more when the robot has confirmed it: that is what somebody waits for."""

@@ -7,6 +7,16 @@ from dataclasses import replace
 from textual.binding import Binding
 
 STOP_KEYS = "ctrl+e · F12 · space"
+STOP_HELP = """\
+The software stop is no emergency stop. It needs the link and the robot's own programs; the red button on the robot \
+needs neither. Stand so that you can reach that button.
+The bar is neutral while no stop is latched, amber while a stop is sent but not confirmed, red once the robot reports \
+that it holds the stop and its wheels stand still, dark red while no message from the robot arrives."""
+REPLAY_HELP = """\
+This is a recorded run: no robot is connected, and no key stops or moves one. Every word is as it was shown at that \
+moment. The log holds the whole run; lines that came later than the moment are dim."""
+
+Groups = tuple[tuple[Binding, ...], ...]
 
 # Priority: they work on every screen, over every modal and while somebody types
 STOP_BINDINGS = (
@@ -46,6 +56,18 @@ GENERAL_BINDINGS = (
     *_key("question_mark", "help", "Help", "help", sign="?"),
     *_key("q", "leave", "Leave", "leave"),
 )
+# In place of those of stop and mission, where a recorded run is shown
+REPLAY_BINDINGS = (
+    *_key("space", "play", "Play or pause", "play"),
+    *_key("plus", "change_speed(1)", "Faster", "faster", sign="+"),
+    *_key("minus", "change_speed(-1)", "Slower", "slower", sign="-"),
+    *_key("less_than_sign", "jump_by(-10)", "10 s back", "back", sign="<"),
+    *_key("greater_than_sign", "jump_by(10)", "10 s ahead", "ahead", sign=">"),
+    *_key("b", "jump_beside(-1)", "Moment before", "before"),
+    *_key("n", "jump_beside(1)", "Next moment", "next"),
+    *_key("g", "go_to_moment", "Go to", "moment"),
+    *_key("enter", "jump_to_line", "To the line", "line"),
+)
 # The help screen's sentence about each; the keys come from the tables above
 HELP: dict[str, str] = {
     "stop": "Stops the robot and latches the stop. Works everywhere, also F12, space and a click on the bar.",
@@ -64,6 +86,15 @@ HELP: dict[str, str] = {
     "clear": "Show every line again.",
     "copy": "Copy the marked line of the log (arrow keys) to the clipboard.",
     "export": "Write the filtered log to a file.",
+    "play": "Play the run from this moment on, or stand; also a click on the bar.",
+    "faster": "Play faster, up to 30 times.",
+    "slower": "Play slower, down to half as fast.",
+    "back": "Jump 10 s back.",
+    "ahead": "Jump 10 s ahead.",
+    "before": "Jump to the moment before: a change of the mission, a door, a warning or an error.",
+    "next": "Jump to the next moment.",
+    "moment": "Jump to a moment by its time since the run began; a click on the timeline does so too.",
+    "line": "Jump to the moment of the marked line of the log (arrow keys).",
     "help": "This page.",
     "leave": "Close the Command Center.",
 }

@@ -39,10 +39,11 @@ def logged_before(run_dir: Path, now_s: float, wall_s: float) -> list[LogEntry]:
     # The recorder's clock may be that of a simulation: its pace comes from the length of the run by both
     pace = (changed_s - dates[0].timestamp()) / lasted_s if dates and lasted_s > 0 else 1.0
     ended_s, last_s = now_s - (wall_s - changed_s), lines[-1].arrived_s
-    return [_entry(line, min(now_s, ended_s - max(pace, 0.0) * (last_s - line.arrived_s))) for line in lines]
+    return [log_entry(line, min(now_s, ended_s - max(pace, 0.0) * (last_s - line.arrived_s))) for line in lines]
 
 
-def _entry(message: Message[LogLine], arrived_s: float) -> LogEntry:
+def log_entry(message: Message[LogLine], arrived_s: float) -> LogEntry:
+    """Of a stored line, as if it had arrived then."""
     module, line = message.topic.producer, message.payload
     return LogEntry(
         arrived_s, module, message.topic.key, line.level, as_text(module, "command_center", line), line.text

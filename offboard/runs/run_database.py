@@ -156,6 +156,16 @@ class RunReader:
             newest[poi.poi_id] = poi
         return list(newest.values())
 
+    def arrivals(self) -> list[tuple[int, str, float]]:
+        """Row, topic and time of arrival (s, on the recorder's clock) of every sound message, without its payload."""
+        rows = self._rows("SELECT row, topic, arrived_s + 0.0 FROM messages WHERE problem IS NULL ORDER BY row")
+        return [(row, topic, float(arrived_s or 0.0)) for row, topic, arrived_s in rows]
+
+    def message(self, row: int) -> Message[Any] | None:
+        """The one in this row; None where it cannot be decoded by this program."""
+        query = "SELECT row, topic, boot_id, sequence, arrived_s, payload FROM messages WHERE row = ?"
+        return next((_message(*found) for found in self._rows(query, (row,))), None)
+
     def counts(self) -> dict[str, int]:
         """How many messages there are of each topic, undecodable ones included."""
         return dict(self._rows("SELECT topic, count(*) FROM messages GROUP BY topic"))

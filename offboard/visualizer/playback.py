@@ -14,10 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from common.errors import StartError, sentence
-from common.messages.health import LogLine
-from common.messages.mission import PlannerView
-from common.messages.points_of_interest import PointOfInterest
 from common.messages.topics import LOG, MAP, PERMIT, PLAN, POI, POSE, RANGES, TRAJECTORY, Topic
+from offboard.runs.moments import moments_of
 from offboard.runs.run_database import Message, RunReader
 from offboard.visualizer.feed import Feed
 
@@ -25,18 +23,8 @@ SPEED_MAX = 100.0
 MOMENTS_MAX = 400
 _STEP_S = 0.05
 _SHOWN: tuple[Topic[Any], ...] = (POSE, RANGES, MAP, TRAJECTORY, PLAN, PERMIT, POI)
-_LEVELS = ("WARNING", "ERROR", "CRITICAL")
 
 _log = logging.getLogger("view")
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """Of what a person may want to see again: `kind` is mission, door or log."""
-
-    at_s: float
-    kind: str
-    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +85,7 @@ class Playback:
             return
         began_s = self._messages[0].arrived_s
         self._times_s = [message.arrived_s - began_s for message in self._messages]
-        moments = [moment for moment in _moments(self._messages, lines, began_s) if moment.at_s >= 0.0]
+        moments = [moment for moment in moments_of(self._messages, lines, began_s) if moment.at_s >= 0.0]
         self._feed.take_moments(tuple(moments[:MOMENTS_MAX]))
         self._next = len(self._messages)
         self._publish(PlaybackView(self._times_s[-1], self._times_s[-1]))
@@ -133,21 +121,3 @@ class Playback:
         if view != self._view:
             self._view = view
             self._feed.take_playback(view)
-
-
-def _moments(shown: list[Message[Any]], lines: list[Message[LogLine]], began_s: float) -> list[Moment]:
-    """In order: another thing that the mission does, a door, a warning or error."""
-    moments, doing, doors = [], "", set()
-    for message in shown:
-        payload, at_s = message.payload, message.arrived_s - began_s
-        if isinstance(payload, PlannerView) and payload.detail != doing:
-            doing = payload.detail
-            moments.append(Moment(at_s, "mission", doing))
-        elif isinstance(payload, PointOfInterest) and payload.poi_id not in doors:
-            doors.add(payload.poi_id)
-            moments.append(Moment(at_s, "door", f"{payload.name} {payload.number}".strip()))
-    for line in lines:
-        if line.payload.level in _LEVELS:
-            text = f"{line.topic.producer}: {line.payload.text}"
-            moments.append(Moment(line.arrived_s - began_s, "log", text))
-    return sorted(moments, key=lambda moment: moment.at_s)

@@ -36,7 +36,7 @@ class Guarded(AnyScreen):
         return cast("CommandCenterApp", self.app)
 
     def make_bar(self) -> StopBar:
-        self.stop_bar = StopBar(self.center.action_software_stop)
+        self.stop_bar = self.center.make_bar()
         return self.stop_bar
 
     def on_mount(self) -> None:

@@ -14,20 +14,14 @@ from textual.widgets import Static
 from offboard.command_center import bindings
 from offboard.command_center.screens.guarded import GuardedModal
 
-_STOP = """\
-The software stop is no emergency stop. It needs the link and the robot's own programs; the red button on the robot \
-needs neither. Stand so that you can reach that button.
-The bar is neutral while no stop is latched, amber while a stop is sent but not confirmed, red once the robot reports \
-that it holds the stop and its wheels stand still, dark red while no message from the robot arrives."""
 _AGES = """\
 What is older than a second is STALE, what is older than five seconds GONE: it is shown dimmed, with its age. Ages \
 count from the arrival on this machine."""
 
 
-def keys_table() -> Table:
+def keys_table(groups: bindings.Groups) -> Table:
     """Key, name and meaning of every binding that has a meaning of its own."""
     table = Table.grid(padding=(0, 2))
-    groups = (bindings.STOP_BINDINGS, bindings.OPERATION_BINDINGS, bindings.LOG_BINDINGS, bindings.GENERAL_BINDINGS)
     for group in groups:
         for binding in group:
             if binding.id in bindings.HELP:
@@ -50,6 +44,6 @@ class HelpScreen(GuardedModal[None]):
 
     def content(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(_STOP, markup=False, classes="question")
-            yield Static(keys_table(), markup=False)
+            yield Static(self.center.HELP_ON_SAFETY, markup=False, classes="question")
+            yield Static(keys_table(self.center.BINDING_GROUPS), markup=False)
             yield Static(_AGES, markup=False, classes="question")

@@ -32,14 +32,15 @@ class MainScreen(Guarded, Screen[None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [("escape", "to_log", "")]
 
-    def __init__(self, page: str) -> None:
+    def __init__(self, page: str, wall_offset_s: float) -> None:
+        """`wall_offset_s`: from the clock by which log lines arrive to wall time."""
         super().__init__()
         self.modules = ModuleTable()
         self.robot = RobotPanel(page)
         self.trouble = Trouble()
         self.boards = BoardLines()
         self.map = MapPanel()
-        self.log_view = LogView(LogBook())
+        self.log_view = LogView(LogBook(), wall_offset_s)
         self.search = Field(placeholder="regular expression; enter keeps it, esc clears it", id="search")
 
     def compose(self) -> ComposeResult:
@@ -53,7 +54,12 @@ class MainScreen(Guarded, Screen[None]):
             yield self.log_view
             yield self.map
         yield self.search
+        yield from self.more()
         yield Footer(compact=True, show_command_palette=True)
+
+    def more(self) -> ComposeResult:
+        """What a screen of its kind has besides."""
+        yield from ()
 
     def on_mount(self) -> None:
         self.search.display = self.boards.display = self.trouble.display = False
@@ -96,8 +102,8 @@ class MainScreen(Guarded, Screen[None]):
 
     def cycle_module(self) -> None:
         """The marked module first, or whoever logs for it, then the ones after it, then all of them."""
-        now = self.filter.module
-        wanted = publisher_of(self.modules.marked_module) if now is None else dict(pairwise(PACKAGES)).get(now)
+        now, logging = self.filter.module, (name for name in self.modules.names if name in PACKAGES)
+        wanted = publisher_of(self.modules.marked_module) if now is None else dict(pairwise(logging)).get(now)
         self.set_filter(replace(self.filter, module=wanted))
 
     def set_topics(self, topics: frozenset[str]) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from datetime import datetime
+from math import inf
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -29,12 +29,17 @@ _LEVEL_STYLES = {
 _LEVEL_NAMES = {"WARNING": "WARN", "CRITICAL": "CRIT", MESSAGE_LEVEL: "MSG"}
 _TIME, _TEXT, _MESSAGE = Style(color="#6e7681"), Style(color="#c9d1d9"), Style(color="#8b949e")
 _COUNT, _MARKED = Style(color="#16181d", bgcolor="#e3b341", bold=True), Style(bgcolor="#1f3a5f")
+_LATER = Style(dim=True)
 _MODULE_WIDTH = len("command_center")
 _LEAD = len("00:00:00 ERROR ") + _MODULE_WIDTH + 12
 
 
 class LogView(ScrollView, can_focus=True):
-    """Shows a `LogBook`. `following` is true while the newest line is kept in sight."""
+    """Shows a `LogBook`. `following` is true while the newest line is kept in sight.
+
+    `wall_offset_s`: from the clock of the lines' arrival to wall time. Of a recorded run all lines are there at any
+    moment: those that came later are dim, and the newest before it is what is followed.
+    """
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "mark(-1)", "Line up", show=False),
@@ -42,17 +47,17 @@ class LogView(ScrollView, can_focus=True):
         Binding("end", "newest", "Newest", show=False),
     ]
 
-    def __init__(self, book: LogBook) -> None:
+    def __init__(self, book: LogBook, wall_offset_s: float) -> None:
         super().__init__(id="log")
         self.book = book
+        self._until_s = inf
         self.following = True
         self.problem = ""  # with the newest filter
         self.lines_dropped = 0
         self._marked: LogEntry | None = None
         self._unseen = 0
         self._columns = 0
-        # Arrival times are of the monotonic clock, people read the wall clock
-        self._wall_offset_s = time.time() - time.monotonic()
+        self._wall_offset_s = wall_offset_s
 
     def on_mount(self) -> None:
         self._retitle()
@@ -73,6 +78,23 @@ class LogView(ScrollView, can_focus=True):
         self._unseen = 0 if self.following else self._unseen + new
         self._settle(fallen)
 
+    def fill(self, entries: Iterable[LogEntry]) -> None:
+        """These in place of all that there are."""
+        self.book = LogBook(filter=self.book.filter)
+        self._columns, self._marked = 0, None
+        self.feed(entries)
+
+    def show_until(self, until_s: float) -> None:
+        """The moment that is shown, on the clock of the lines' arrival."""
+        before, self._until_s = self._passed, until_s
+        if self._passed != before:
+            self._settle(0)
+
+    @property
+    def _passed(self) -> int:
+        """How many of the shown lines had arrived."""
+        return bisect_right(self.book.shown, self._until_s, key=lambda entry: entry.arrived_s)
+
     def set_filter(self, wanted: LogFilter) -> None:
         """Raises as `LogBook.set_filter` does."""
         self.book.set_filter(wanted)
@@ -89,7 +111,7 @@ class LogView(ScrollView, can_focus=True):
         shown = self.book.shown
         if not shown:
             return
-        index = self._index(self._marked) if self._marked is not None else len(shown) - 1
+        index = self._index(self._marked) if self._marked is not None else max(self._passed, 1) - 1
         index = max(0, min(len(shown) - 1, index + step))
         self._marked = shown[index]
         if step < 0:
@@ -119,6 +141,8 @@ class LogView(ScrollView, can_focus=True):
             return Strip.blank(self.size.width, self.rich_style)
         entry = shown[index]
         strip = Strip(self._segments(entry)).crop_extend(scroll_x, scroll_x + self.size.width, None)
+        if entry.arrived_s > self._until_s:
+            strip = strip.apply_style(_LATER)
         return strip.apply_style(self.rich_style + _MARKED if entry is self._marked else self.rich_style)
 
     def _segments(self, entry: LogEntry) -> list[Segment]:
@@ -143,7 +167,8 @@ class LogView(ScrollView, can_focus=True):
         following = self.following
         self.virtual_size = Size(self._columns, len(self.book.shown))
         if following:
-            self.scroll_to(y=self.max_scroll_y, animate=False, immediate=True, force=True)
+            newest_y = max(0, self.max_scroll_y - (len(self.book.shown) - self._passed))
+            self.scroll_to(y=newest_y, animate=False, immediate=True, force=True)
             self.following = True
         elif fallen:
             self.scroll_to(y=max(0, self.scroll_offset.y - fallen), animate=False, immediate=True, force=True)

@@ -85,8 +85,8 @@ def zone_lines(snapshot: Snapshot) -> list[Line]:
 
 
 def page_lines(snapshot: Snapshot, page: str) -> list[Line]:
-    """The address of the live map, once that reports."""
-    there = any(row.module == "visualizer" and row.status is not None for row in snapshot.rows)
+    """The address of the live map, once that reports; of a recorded run there is none."""
+    there = bool(page) and any(row.module == "visualizer" and row.status is not None for row in snapshot.rows)
     return [_line("Live map", page, f"underline #58a6ff link {page}")] if there else []
 
 

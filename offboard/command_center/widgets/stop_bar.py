@@ -97,6 +97,8 @@ class StopBar(Horizontal):
     }
     """
 
+    LABEL = f"■ SOFTWARE STOP\n{STOP_KEYS}"
+
     def __init__(self, press: Callable[[], None]) -> None:
         super().__init__()
         self._press = press
@@ -105,16 +107,20 @@ class StopBar(Horizontal):
         self._link = Static(id="stop-link", markup=False)
 
     def compose(self) -> ComposeResult:
-        yield Static(f"■ SOFTWARE STOP\n{STOP_KEYS}", id="stop-label", markup=False)
+        yield Static(self.LABEL, id="stop-label", markup=False)
         yield self._text
         yield self._link
 
     def on_click(self) -> None:
         self._press()
 
-    def show(self, snapshot: Snapshot, robot: str) -> None:
+    def words(self, snapshot: Snapshot, corner: str) -> tuple[BarText, str]:
+        """What it shows, and what stands in its right corner: the robot's name, and the link to it."""
         text = bar_text(snapshot)
-        link = f"{robot}\n{'● link live' if text.look is not Look.LINK_LOST else '○ no link'}"
+        return text, f"{corner}\n{'● link live' if text.look is not Look.LINK_LOST else '○ no link'}"
+
+    def show(self, snapshot: Snapshot, corner: str) -> None:
+        text, link = self.words(snapshot, corner)
         if (text, link) == self._shown:
             return
         old, self._shown = self._shown, (text, link)
