@@ -22,7 +22,7 @@ BEAM_HALF_WIDTH_DEG = 4.0  # of a log without one: a laser's beam is narrower, a
 def add_verbs(verbs: Any) -> None:
     replay = verbs.add_parser("replay", help="the mapping unit alone over a range log (CSV or CARMEN)")
     replay.add_argument("log", type=Path, metavar="LOG", help="shared CSV format or CARMEN log")
-    replay.add_argument("--out", type=Path, required=True, help="folder for trajectories and map points")
+    replay.add_argument("--out", type=Path, required=True, help="run folder for it, which `view` plays")
     replay.add_argument(
         "--beams", type=_angles, metavar="DEG,...", help="which beams, left positive (CARMEN: 90,45,0,-45,-90)"
     )
@@ -62,12 +62,14 @@ def _check(arguments: argparse.Namespace) -> None:
 def _replay(arguments: argparse.Namespace) -> int:
     from offboard.replay.range_log import read_range_log  # here, because it loads the mapping unit
     from offboard.replay.replay import replay, write_replay
+    from offboard.replay.replay_record import ReplayRecord
 
     _check(arguments)
     log = read_range_log(arguments.log, arguments.beams, arguments.max_range, arguments.field_of_view)
     for note in log.notes:
         _print_note(note)
-    run = replay(log, arguments.beam_half_width)
+    with ReplayRecord(arguments.out, log) as record:
+        run = replay(log, arguments.beam_half_width, record.add)
     write_replay(arguments.out, run)
     for frame in run.loose:
         _print_note(

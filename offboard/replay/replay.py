@@ -6,6 +6,7 @@ The very code that runs on the robot, whatever carried the sensors: odometry com
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import isinf, radians
 from pathlib import Path
@@ -20,6 +21,7 @@ from offboard.runs.run_folder import MAP_POINTS_NAME, SMOOTHED_NAME, TRAJECTORY_
 from onboard.mmu.back_end.map_builder import deferred_back_end
 from onboard.mmu.slam import Carrier, Slam
 
+Watcher = Callable[[float, Slam], None]
 BEAM_HALF_WIDTH_DEG = 4.0  # of a log without one: a laser's beam is narrower, a small sonar's wider
 
 
@@ -40,8 +42,8 @@ class Replayed:
     loose: tuple[int, ...]
 
 
-def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> Replayed:
-    """The whole log through the mapping unit."""
+def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG, watch: Watcher | None = None) -> Replayed:
+    """The whole log through the mapping unit. `watch` is given every scan's time and the mapping unit after it."""
     worker = deferred_back_end(gyro_led=False)
     slam = Slam(worker, Carrier(log.bearings_rad, log.range_step_m, radians(beam_half_width_deg), spacing_m=log.step_m))
     count = len(log.times_s)
@@ -67,12 +69,20 @@ def replay(log: RangeLog, beam_half_width_deg: float = BEAM_HALF_WIDTH_DEG) -> R
         began = time.thread_time()
         worker.work()
         work_s[i] = time.thread_time() - began
+        if watch is not None:
+            watch(t_s, slam)
     loose += _unrecognised(slam, begun)
     poses = slam.trajectory()[1]
     smoothed = np.array([Pose2.from_array(poses[node]).compose(seen).as_array() for node, seen in anchored])
-    online, smoothed = (_shifted(path, -log.centre_m) + [*log.centre_m, 0.0] for path in (online, smoothed))
+    online, smoothed = (in_frame_of_log(path, log) for path in (online, smoothed))
     points = slam.wall_points() + log.centre_m
     return Replayed(log.times_s, online, smoothed, points, step_s, work_s, slam.closures, tuple(loose))
+
+
+def in_frame_of_log(poses: FloatArray, log: RangeLog) -> FloatArray:
+    """Poses (N, 3) of the beams' centre, from where that began -> of the carrier, from where the carrier did."""
+    shifted: FloatArray = _shifted(poses, -log.centre_m) + np.array([*log.centre_m, 0.0])
+    return shifted
 
 
 def _shifted(poses: FloatArray, by_m: FloatArray) -> FloatArray:

@@ -9,9 +9,9 @@ from typing import Any
 
 from common.bus import Bus, alive, expires_s
 from common.config import Config
-from common.constants import MAP_RATE_MAX_HZ, MAP_TOLERANCE_M
+from common.constants import MAP_TOLERANCE_M
 from common.errors import ErrorCode
-from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
+from common.messages.mapping import PoseEstimate, Trajectory
 from common.messages.motion import Odometry
 from common.messages.topics import GRID, MAP, ODOMETRY, POSE, RANGES, TRAJECTORY, Topic
 from common.pace import Pace
@@ -21,6 +21,7 @@ from onboard.mmu.back_end.back_end_link import BackEndWorker
 from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.map.grid_encoder import GridEncoder
 from onboard.mmu.map.map_file import MAP_NAME, SavedMap, load_map
+from onboard.mmu.map.map_increments import MapIncrements
 from onboard.mmu.slam import ROBOT, Carrier, Slam
 
 BACK_END = "onboard.mmu.back_end.back_end_process:load"
@@ -46,10 +47,8 @@ class MappingUnit:
         """`worker`: where the back end runs; `saved`: a prior map, to continue in."""
         self._slam = Slam(worker, carrier, saved)
         self._status = StatusReporter(self.name)
-        self._map_pace, self._grid_pace = Pace(1.0 / MAP_RATE_MAX_HZ), Pace(GRID_PERIOD_S)
-        self._trajectory_pace = Pace(TRAJECTORY_PERIOD_S)
-        self._sent_points = 0
-        self._sent_revision = -1
+        self._increments = MapIncrements()
+        self._grid_pace, self._trajectory_pace = Pace(GRID_PERIOD_S), Pace(TRAJECTORY_PERIOD_S)
         self._grid_encoder = GridEncoder()
         self._pose: PoseEstimate | None = None
 
@@ -96,20 +95,16 @@ class MappingUnit:
 
     def _publish_map(self, bus: Bus, now_s: float) -> None:
         drawn = self._slam.map
-        replaced = drawn.revision != self._sent_revision
-        due = (replaced or drawn.wall_count > self._sent_points) and self._map_pace.due(now_s)
-        if due:
-            start = 0 if replaced else self._sent_points
-            walls = drawn.wall_points(start)
-            self._sent_points, self._sent_revision = start + len(walls.points_m), drawn.revision
-            bus.publish(MAP, MapUpdate(now_s, drawn.revision, start, walls.points_m, walls.inferred))
+        update = self._increments.next(drawn, now_s)
+        if update is not None:
+            bus.publish(MAP, update)
         grid = self._grid_encoder.advance(now_s)
         if grid is not None:
             bus.publish(GRID, grid)
         elif not self._grid_encoder.busy and self._grid_pace.due(now_s):
             drawn.draw_newest()
             self._grid_encoder.begin(drawn.grid)
-        if self._trajectory_pace.due(now_s, urgent=due and replaced):
+        if self._trajectory_pace.due(now_s, urgent=update is not None and update.start == 0):
             bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
 
 
