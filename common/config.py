@@ -23,7 +23,7 @@ from common.constants import (
     WHEEL_TRACK_M,
 )
 from common.messages.topics import STATUS
-from common.modules import OFFBOARD, PACKAGES, Board, on
+from common.modules import OFFBOARD, OPTIONAL, PACKAGES, Board, on
 from common.number_presets import PRESETS
 from common.rules import Between, Count, Form, Names, OnPlate, Pattern
 
@@ -140,6 +140,14 @@ class VisualizerSection:
 
 
 @dataclass(frozen=True, slots=True)
+class RosSection:
+    """The process `ros`, which runs where `processes` of the laptop names it."""
+
+    network: bool = False
+    """Meet ROS programs on other machines too? Then none of them can order anything: nothing shows who they are."""
+
+
+@dataclass(frozen=True, slots=True)
 class PoiSection:
     """The camera, and what signs look like at this site."""
 
@@ -178,12 +186,13 @@ class Config:
     mesh: MeshSection = field(default_factory=MeshSection)
     beaglebone: BoardSection = BoardSection(("bridge", "comm+mmu+planner"), platform="armv7l")
     raspberry: BoardSection = BoardSection(("poi",), platform="aarch64")
-    laptop: BoardSection = BoardSection(OFFBOARD)
+    laptop: BoardSection = BoardSection(tuple(name for name in OFFBOARD if name not in OPTIONAL))
     bridge: BridgeSection = field(default_factory=BridgeSection)
     wheels: WheelsSection = field(default_factory=WheelsSection)
     sonars: SonarsSection = field(default_factory=SonarsSection)
     comm: CommSection = field(default_factory=CommSection)
     visualizer: VisualizerSection = field(default_factory=VisualizerSection)
+    ros: RosSection = field(default_factory=RosSection)
     poi: PoiSection = field(default_factory=PoiSection)
 
     @property
@@ -212,9 +221,16 @@ class Config:
 
 def apart(config: Config) -> Config:
     """The configuration with every module in a process of its own, on the computer that it is made for."""
-    own = {name: tuple(m for m in on(computer) if m in PACKAGES) for name, computer in BOARDS.items()}
+    wanted = [m for m in PACKAGES if m not in OPTIONAL or m in config.processes]
+    own = {name: tuple(m for m in on(computer) if m in wanted) for name, computer in BOARDS.items()}
     boards = {name: dataclasses.replace(board, processes=own[name]) for name, board in config.boards.items()}
     return dataclasses.replace(config, **cast(dict[str, Any], boards))
+
+
+def with_process(config: Config, process: str) -> Config:
+    """The configuration with another process on the laptop: an optional one, which runs only where it is named."""
+    laptop = dataclasses.replace(config.laptop, processes=(*config.laptop.processes, process))
+    return dataclasses.replace(config, laptop=laptop)
 
 
 def with_camera(config: Config) -> Config:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from common.config import Config
 from common.errors import StartError
-from common.modules import PACKAGES
+from common.modules import OPTIONAL, PACKAGES
 from common.rules import Rule
 from common.text_file import read_text
 
@@ -74,7 +74,7 @@ def _check(config: Config, file: str) -> None:
     twice = next((module for module in modules if modules.count(module) > 1), None)
     if twice is not None:
         raise ConfigError(f"{file}: processes of the boards name {twice} twice; every module runs once.")
-    missing = [module for module in PACKAGES if module not in modules]
+    missing = [module for module in PACKAGES if module not in (*modules, *OPTIONAL)]
     if missing:
         raise ConfigError(
             f"{file}: no board has {' or '.join(missing)} among its processes; every module must run somewhere."

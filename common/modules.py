@@ -24,9 +24,10 @@ class Module:
     title: str  # for people
     board: Board
     package: str = ""  # started as `python -m package`; empty for firmware, for which the bridge publishes
+    optional: bool = False  # runs only where somebody names it: in robot.toml, or on the command line of `local`
 
 
-# In the order of the data. bridge and recorder are not in the specification: they send as SIM and as CM
+# In the order of the data. bridge, recorder and ros are not in the specification: the first two send as SIM and as CM
 MODULES = (
     Module("sim", "SIM", "Sensors", Board.MEGA),
     Module("car", "CAR", "Carrier", Board.MEGA),
@@ -38,11 +39,13 @@ MODULES = (
     Module("recorder", "CM", "Recorder", Board.LAPTOP, "offboard.recorder"),
     Module("visualizer", "VSL", "Live map", Board.LAPTOP, "offboard.visualizer"),
     Module("command_center", "CC", "Command center", Board.LAPTOP, "offboard.command_center"),
+    Module("ros", "ROS", "ROS 2", Board.LAPTOP, "offboard.ros", optional=True),
 )
-_BEYOND_SPECIFICATION = ("bridge", "recorder")
+_BEYOND_SPECIFICATION = ("bridge", "recorder", "ros")
 SPECIFIED = tuple(module for module in MODULES if module.name not in _BEYOND_SPECIFICATION)
 CODES = {module.name: module.code for module in MODULES}
 PACKAGES = {module.name: module.package for module in MODULES if module.package}
+OPTIONAL = frozenset(module.name for module in MODULES if module.optional)
 
 
 def publisher_of(module: str) -> str:

@@ -22,7 +22,7 @@ from common.messages.mission import OperatorCommand, PlannerView, Zones
 from common.messages.motion import CarrierReport, Distances, DriveCommand, Odometry, Ranges
 from common.messages.points_of_interest import DoorStatement, DoorStatements, PointOfInterest, PoiRequest
 from common.messages.stop import Permit, StopRequest
-from common.modules import MODULES, OFFBOARD, ROBOT_SENDERS, publisher_of
+from common.modules import MODULES, OFFBOARD, OPTIONAL, ROBOT_SENDERS, publisher_of
 
 
 class QosProfile(Enum):
@@ -88,14 +88,20 @@ def _topic(
     return topic
 
 
-PEOPLE = " ".join(OFFBOARD)  # what stands on the laptop shows and stores it for people
+# What stands on the laptop shows and stores it for people
+PEOPLE = " ".join(name for name in OFFBOARD if name not in OPTIONAL)
 AT_ONCE = "and at once on change"
 
 ODOMETRY = _topic(
     "bridge/odometry", Odometry, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner recorder command_center", "lfc_sim_mmu"
 )
 RANGES = _topic(
-    "bridge/ranges", Ranges, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner poi recorder visualizer", "lfc_sim_mmu"
+    "bridge/ranges",
+    Ranges,
+    SENSOR_RATE_HZ,
+    QosProfile.LATEST,
+    "mmu planner poi recorder visualizer ros",
+    "lfc_sim_mmu",
 )
 DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, QosProfile.LATEST, "planner recorder", "lfc_sim_pln")
 CARRIER = _topic(
@@ -115,7 +121,7 @@ POSE = _topic(
     PoseEstimate,
     POSE_RATE_HZ,
     QosProfile.LATEST,
-    f"planner poi {PEOPLE}",
+    f"planner poi {PEOPLE} ros",
     "lfc_mmu_poi lfc_mmu_pln lfc_mmu_cm",
 )
 MAP = _topic(
@@ -128,15 +134,15 @@ MAP = _topic(
     "on change",
 )
 GRID = _topic(
-    "mmu/grid", GridUpdate, MAP_RATE_MAX_HZ, QosProfile.STATE, "planner poi visualizer", "lfc_mmu_pln", "on change"
+    "mmu/grid", GridUpdate, MAP_RATE_MAX_HZ, QosProfile.STATE, "planner poi visualizer ros", "lfc_mmu_pln", "on change"
 )
 TRAJECTORY = _topic(
-    "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, PEOPLE, "lfc_mmu_cm", "when the past was corrected"
+    "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, f"{PEOPLE} ros", "lfc_mmu_cm", "when the past was corrected"
 )
 PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, QosProfile.STATE, PEOPLE, note="for people")
 ZONES = _topic("planner/zones", Zones, 0.0, QosProfile.STATE, PEOPLE, note="on change, and after each start")
 RETAKE = _topic("poi/request", PoiRequest, 0.0, QosProfile.COMMAND, "planner recorder", "lfc_poi_pln")
-POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, PEOPLE, "lfc_poi_cm lfc_cm_vsl")
+POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, f"{PEOPLE} ros", "lfc_poi_cm lfc_cm_vsl")
 PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, QosProfile.COMMAND, f"bridge planner poi {PEOPLE}", note=AT_ONCE)
 STOP = _topic("command_center/stop", StopRequest, 0.0, QosProfile.COMMAND, "bridge comm recorder", "lfc_cm_cc")
 OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, QosProfile.COMMAND, "planner comm recorder")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from common.config import BridgeSection, Config, MeshSection, VisualizerSection, apart, with_camera
+from common.config import BridgeSection, Config, MeshSection, VisualizerSection, apart, with_camera, with_process
 from common.config_file import config_text
 from common.node_loop import STEPS_SUFFIX
 from deploy.local.ports import refuse_second_mesh, reserve_port, usual_port
@@ -57,6 +57,8 @@ def mesh_config(options: RunOptions, paths: RunPaths) -> Config:
         visualizer=VisualizerSection(port=page),
         poi=replace(site_section(options), source=f"unix:{paths.frames}"),
     )
+    if options.ros:
+        config = with_process(config, "ros")
     if options.apart:
         config = apart(config)
     if not options.headless and router != usual_port():

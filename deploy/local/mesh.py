@@ -31,6 +31,7 @@ from deploy.local.report import summarise
 from deploy.local.supervisor import ProcessFailed, Supervisor
 from deploy.local.terminal_ui import Left, TerminalUi, has_terminal
 from offboard.evaluate.run_text import progress
+from offboard.ros import INSTALL
 from offboard.simulator.run.options import RunOptions, load_world, prepare_folder
 
 SERIAL_WAIT_S = 30.0
@@ -57,6 +58,8 @@ def run_local(options: RunOptions) -> int:
     load_world(options)
     if importlib.util.find_spec("mujoco") is None:
         raise StartError("The simulator needs MuJoCo: run ./deploy/local.sh --setup-only once.")
+    if options.ros and importlib.util.find_spec("rclpy") is None:
+        raise StartError(f"The process ros needs rclpy. {INSTALL}")
     folder = prepare_folder(options).resolve()
     (folder / "process").mkdir(exist_ok=True)
     console = _set_up_log(folder / "process" / "local.log")

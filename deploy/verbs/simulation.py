@@ -18,6 +18,7 @@ def add_verbs(verbs: Any) -> None:
     local.add_argument("--speed", type=float, default=1.0, help="simulated over real time, at most (1)")
     local.add_argument("--headless", action="store_true", help="start by itself, end when the mission is finished")
     local.add_argument("--apart", action="store_true", help="every module in a process of its own, also on the robot")
+    local.add_argument("--ros", action="store_true", help="publish into a graph of ROS 2 too; needs the extra ros")
     local.set_defaults(run=_local)
     simulate = verbs.add_parser("simulate", help="the same nodes in lockstep, as fast as the processor allows")
     _add_run_arguments(simulate)
@@ -50,6 +51,7 @@ def _options(arguments: argparse.Namespace) -> RunOptions:
         speed=getattr(arguments, "speed", 1.0),
         headless=getattr(arguments, "headless", True),
         apart=getattr(arguments, "apart", False),
+        ros=getattr(arguments, "ros", False),
         out=arguments.out,
         errors=arguments.errors,
         camera=arguments.camera,

@@ -40,6 +40,7 @@ from common.messages.topics import (
     ZONES,
     Topic,
 )
+from common.modules import OPTIONAL
 from common.status import StatusReporter
 from common.zones import Zone, zones_of
 from offboard.command_center.board_watch import BoardRow, board_row
@@ -128,7 +129,7 @@ class CommandCenter:
             self._operate(bus, now_s)
             self._snapshot = Snapshot(
                 now_s,
-                rows=tuple(self._row(bus, module, now_s) for module in STATUS),
+                rows=self._rows(bus, now_s),
                 boards=self._boards(bus),
                 control=control,
                 report=report,
@@ -221,6 +222,11 @@ class CommandCenter:
             self._logs.popleft()
             self._dropped += 1
         self._logs.append(entry)
+
+    def _rows(self, bus: Bus, now_s: float) -> tuple[ModuleRow, ...]:
+        """Of every module; an optional one is missed by nobody before it has reported."""
+        rows = (self._row(bus, module, now_s) for module in STATUS)
+        return tuple(row for row in rows if row.status is not None or row.module not in OPTIONAL)
 
     def _row(self, bus: Bus, module: str, now_s: float) -> ModuleRow:
         topic, meter, history = STATUS[module], self._rates[module], self._histories[module]

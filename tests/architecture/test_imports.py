@@ -78,6 +78,8 @@ def test_no_program_imports_tests() -> None:
         ("filterpy", ("onboard/mmu",)),
         ("scipy", ("onboard/mmu", "offboard")),
         *((package, ("offboard/export",)) for package in ("ezdxf", "mcap", "reportlab", "rosbags")),
+        ("rclpy", ("offboard/ros/graph.py",)),
+        ("rosidl_generator_c", ("offboard/ros/tf_message.py",)),
     ],
 )
 def test_package_is_imported_at_its_home_only(package: str, homes: tuple[str, ...]) -> None:
@@ -95,7 +97,7 @@ ROOMS = {
         *("error_profiles", "stopwatch"),  # modules: every room draws its errors from it, and is on its accounts
     ),
     "offboard": (
-        *(".", "simulator", "command_center", "visualizer", "recorder", "operate"),
+        *(".", "simulator", "command_center", "visualizer", "recorder", "ros", "operate"),
         *("replay", "evaluate", "export", "runs"),
     ),
 }
@@ -127,9 +129,9 @@ def test_no_module_of_the_robot_reaches_into_another(module: str) -> None:
     assert offences(inside(f"onboard/{module}"), *(f"onboard.{other}" for other in others)) == []
 
 
-@pytest.mark.parametrize("program", ["command_center", "visualizer", "recorder"])
+@pytest.mark.parametrize("program", ["command_center", "visualizer", "recorder", "ros"])
 def test_no_program_of_the_laptop_reaches_into_another(program: str) -> None:
-    others = {"command_center", "visualizer", "recorder"} - {program}
+    others = {"command_center", "visualizer", "recorder", "ros"} - {program}
     assert offences(inside(f"offboard/{program}"), *(f"offboard.{other}" for other in others)) == []
 
 

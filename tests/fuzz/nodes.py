@@ -50,8 +50,10 @@ from common.zenoh_inbox import Decoder
 from offboard.command_center import log_book, mini_map
 from offboard.command_center.command_center import MESSAGE_TOPICS, CommandCenter
 from offboard.command_center.widgets import module_table, robot_panel, stop_bar, trouble
+from offboard.export.ros_messages import Sent, serialized
 from offboard.operate.alerts import Alerts
 from offboard.recorder.recorder import Recorder
+from offboard.ros.ros import Goal, Ros
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.visualizer import Visualizer
 from onboard.bridge.bridge import Bridge
@@ -326,8 +328,25 @@ def command_center(bus: WireBus) -> Stage:
     return Stage(node, bus, tuple(dict.fromkeys((*_read_by("command_center"), *MESSAGE_TOPICS))), beside)
 
 
+class NoGraph:
+    """Every message is made, and goes nowhere."""
+
+    def publish(self, sent: Sent) -> None:
+        serialized(sent[1])
+
+    def take_goals(self) -> list[Goal]:
+        return []
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def ros(bus: WireBus) -> Stage:
+    return Stage(Ros(NoGraph(), lambda: 1.7e9 + bus.mesh.now_s), bus, _read_by("ros"))
+
+
 STAGES: dict[str, Callable[[WireBus], Stage]] = {
-    make.__name__: make for make in (bridge, mmu, planner, comm, poi, recorder, visualizer, command_center)
+    make.__name__: make for make in (bridge, mmu, planner, comm, poi, recorder, visualizer, command_center, ros)
 }
 
 

@@ -24,6 +24,7 @@ from common.errors import StartError
 from common.messages.health import Status
 from common.messages.mission import Operation
 from common.messages.topics import AT_ONCE, CARRIER, ODOMETRY, STATUS, TOPICS, QosProfile, Topic
+from common.modules import OPTIONAL
 from common.zenoh_bus import ZenohBus
 from deploy.local.ports import refuse_second_mesh
 from offboard.operate.operations import Answer
@@ -34,7 +35,9 @@ from tests.system.conftest import ROOT, Mesh, children_of, environment, local_ru
 pytestmark = pytest.mark.timeout(120)
 SPAN_S = 3.0
 # What does not wait for a change
-PERIODIC = [topic for topic in TOPICS if topic.rate_hz and topic.qos is not QosProfile.STATE]
+PERIODIC = [
+    topic for topic in TOPICS if topic.rate_hz and topic.qos is not QosProfile.STATE and topic.producer not in OPTIONAL
+]
 
 
 @pytest.fixture
@@ -61,7 +64,7 @@ def spans(bus: ZenohBus, topics: Iterable[Topic[Any]]) -> dict[Topic[Any], list[
 
 @pytest.mark.requirement("CC_MR_01", "CC_MR_02", "CC_MR_03", "CC_MR_04")
 def test_it_shows_every_module_stops_the_robot_and_fills_itself_again_after_a_restart(local: Config) -> None:
-    modules = set(STATUS)
+    modules = set(STATUS) - OPTIONAL
     center = Center(local)
     watcher = ZenohBus("watcher", local, FreeClock(), "client")
     try:

@@ -16,7 +16,7 @@ from common.messages.health import BoardState
 from common.messages.mission import Operation
 from common.messages.points_of_interest import PointOfInterest
 from common.messages.topics import PERMIT, POI
-from common.modules import MODULES
+from common.modules import MODULES, OPTIONAL
 from offboard.command_center.actions import END_MESH, KEEP_MESH
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.screens.guarded import Guarded
@@ -45,7 +45,7 @@ async def test_a_row_per_module_shows_state_error_with_meaning_and_action_memory
     app = rig.app(tmp_path)
     async with app.run_test(size=SIZE) as pilot:
         await settle(rig, app, pilot, 3.0)
-        assert {module.name for module in MODULES} == {row.module for row in rig.node.snapshot().rows}
+        assert {module.name for module in MODULES} - OPTIONAL == {row.module for row in rig.node.snapshot().rows}
         assert app.main.modules.row_count == 10
         assert cell(app, "sim", "state") == "RUN"
         assert cell(app, "sim", "memory") == "50 MB"
@@ -54,6 +54,9 @@ async def test_a_row_per_module_shows_state_error_with_meaning_and_action_memory
         blocked = ERRORS[ErrorCode.BLOCKED]
         assert cell(app, "planner", "error") == f"503 {blocked.meaning} → {blocked.action}"
         assert cell(app, "poi", "age") == "no message"
+        rig.speaking = (*rig.speaking, "ros")
+        await settle(rig, app, pilot, 3.0)
+        assert cell(app, "ros", "age") == "● live", "an optional one has its row once it runs"
 
 
 @piloted

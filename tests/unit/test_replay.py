@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2, rigid_fit, wrap_angle
+from common.messages.topics import MAP, POSE, TRAJECTORY
 from deploy.cli import main
 from offboard.replay.range_log import RangeLogError, read_range_log
+from offboard.runs.map_assembly import MapAssembly
+from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import read_map_points, read_tum
 
 BEARINGS_DEG = (90.0, 45.0, 0.0, -45.0, -90.0, 70.0, -70.0)
@@ -168,3 +171,31 @@ def test_beams_of_a_carmen_log_are_those_of_its_laser(tmp_path: Path, kind: str)
     assert read.ranges_m[0] == pytest.approx([2.8, 2.35, 1.9, 1.45, 1.0])
     with pytest.raises(RangeLogError, match="line 2"):
         read_range_log(log, (120.0,))
+
+
+def test_how_the_map_grew_is_recorded_in_the_log_s_time_and_ends_as_the_files_have_it(tmp_path: Path) -> None:
+    log, out = written(tmp_path / "log.csv"), tmp_path / "out"
+    for _ in range(2):  # a second replay replaces the first
+        assert main(["replay", str(log), "--out", str(out)]) == 0
+    with RunReader(out) as run:
+        poses, updates = list(run.messages(POSE)), list(run.messages(MAP))
+        paths = list(run.messages(TRAJECTORY))
+    stamps_s = [message.arrived_s for message in poses]
+    assert stamps_s == [message.payload.t_s for message in poses]
+    assert (stamps_s[0], stamps_s[-1]) == (0.0, pytest.approx(read_tum(out / "trajectory.tum")[0][-1], abs=0.3))
+    growing = MapAssembly()
+    lengths = []
+    for update in updates:
+        growing.add(update.payload)
+        lengths.append(len(growing))
+    assert growing.missing == 0
+    assert lengths[len(lengths) // 4] < 0.6 * lengths[-1]
+    times_s, online = read_tum(out / "trajectory.tum")
+    published = np.array([(m.payload.x_m, m.payload.y_m) for m in poses])
+    at = np.searchsorted(times_s, np.array(stamps_s) - 1e-6)
+    assert np.abs(online[at, :2] - published).max() < 1e-3
+    walls_m = read_map_points(out / "map_points.csv")[0]
+    some = growing.known()[0][:: max(1, len(growing) // 200)]
+    near = np.array([np.hypot(*(walls_m - point).T).min() for point in some])
+    assert np.percentile(near, 95) < 0.2
+    assert len(paths) > 2

@@ -74,25 +74,36 @@ class ModuleTable(DataTable[Text]):
 
     def __init__(self) -> None:
         super().__init__(id="modules", cursor_type="row", zebra_stripes=False, cell_padding=1)
-        self._shown: dict[str, tuple[Text, ...]] = {}
+        self._shown: dict[str, tuple[Text, ...]] = {}  # by module, in the order of the rows
 
     def on_mount(self) -> None:
         for key, heading, width in COLUMNS:
             self.add_column(heading, key=key, width=width)
         for module in MODULES:
-            row = tuple(Text("") for _ in COLUMNS)
-            self.add_row(*row, key=module.name)
+            if not module.optional:
+                self._add(module.name)
+
+    def _add(self, module: str) -> None:
+        self._shown[module] = tuple(Text("") for _ in COLUMNS)
+        self.add_row(*self._shown[module], key=module)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the modules, in the order of their rows."""
+        return tuple(self._shown)
 
     @property
     def marked_module(self) -> str:
-        return MODULES[self.cursor_row].name
+        return self.names[self.cursor_row]
 
     def show(self, snapshot: Snapshot) -> None:
         for row in snapshot.rows:
             new = cells(row)
-            old = self._shown.get(row.module)
+            if row.module not in self._shown:
+                self._add(row.module)
+            old = self._shown[row.module]
             for i, (key, _, _) in enumerate(COLUMNS):
-                if old is None or old[i] != new[i] or old[i].style != new[i].style:
+                if old[i] != new[i] or old[i].style != new[i].style:
                     self.update_cell(row.module, key, new[i])
             self._shown[row.module] = new
         live = sum(row.freshness is Freshness.LIVE for row in snapshot.rows)

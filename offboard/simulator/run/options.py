@@ -33,6 +33,7 @@ class RunOptions:
     speed: float = 1.0  # simulated over wall time, `local` only
     headless: bool = False
     apart: bool = False  # every module in a process of its own, `local` only
+    ros: bool = False  # the optional process too, `local` only
     out: Path | None = None  # the run folder; None: a new one under runs/
     errors: str = "realistic"  # one of errors.PROFILES
     camera: str = "off"  # one of CAMERAS
