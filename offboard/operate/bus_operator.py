@@ -18,12 +18,11 @@ from common.bus import Bus
 from common.errors import StartError, sentence
 from common.messages.topics import PERMIT, PLAN
 from offboard.operate import operations
-from offboard.operate.door_sender import SENTENCES, DoorSender
+from offboard.operate.door_sender import SENTENCES, DoorSender, OfDoor
 from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import look, robot_report
 from offboard.operate.stop_desk import StopDesk, StopSender
-from offboard.visualizer.requests import OfDoor
 
 _STEP_S = 0.05
 _RETRY_S = 2.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import inf
 
 from common.bus import Bus
@@ -16,6 +17,17 @@ SENTENCES = {
     Answer.TAKEN: "The recorder keeps what you said of the door.",
     Answer.NONE: "Nobody answered: is the recorder running?",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class OfDoor:
+    """What a person says of a door: its number, its room's name; both empty take back what was said."""
+
+    poi_id: int
+    x_m: float
+    y_m: float
+    number: str
+    room_name: str
 
 
 class DoorSender:

@@ -14,11 +14,12 @@ from typing import Protocol
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from offboard.operate.bus_operator import Operator
+from offboard.operate.door_sender import OfDoor
 from offboard.visualizer import protocol
 from offboard.visualizer.feed import Feed, Held
 from offboard.visualizer.guards import is_of_host, is_own
 from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
-from offboard.visualizer.requests import BadRequest, Confirmation, OfDoor, Replay, Stop, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
 
 PAGES_MAX = 32  # the other connections are for files, photos and exports
 

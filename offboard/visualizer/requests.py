@@ -16,6 +16,7 @@ from common.fields import COORDINATE, CORNERS_MAX, POI_ID_MAX, WORD_MAX
 from common.messages.mission import Operation
 from common.plain_text import plain
 from common.zones import KIND_OF
+from offboard.operate.door_sender import OfDoor
 from offboard.operate.operations import Order
 
 STOP, DOOR = "stop", "door"
@@ -37,17 +38,6 @@ class Confirmation:
 @dataclass(frozen=True, slots=True)
 class Stop:
     """The software stop."""
-
-
-@dataclass(frozen=True, slots=True)
-class OfDoor:
-    """What a person says of a door: its number, its room's name; both empty take back what was said."""
-
-    poi_id: int
-    x_m: float
-    y_m: float
-    number: str
-    room_name: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,8 @@ from common.messages.points_of_interest import DoorStatements
 from common.messages.topics import DOOR_NOTES, ZONES
 from common.zones import Zone, ZoneKind, message_of
 from offboard.operate.bus_operator import OperatorView
+from offboard.operate.door_sender import OfDoor
 from offboard.operate.operations import Order
-from offboard.visualizer.requests import OfDoor
 from tests.browser.conftest import Robot, Visit
 
 pytestmark = pytest.mark.timeout(60)

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.messages.mission import Operation
+from offboard.operate.door_sender import OfDoor
 from offboard.operate.operations import Order
-from offboard.visualizer.requests import BadRequest, Confirmation, OfDoor, Replay, Stop, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
 
 TOKEN = "secret"
 
