@@ -49,6 +49,9 @@ SONAR_STEP_M = 0.0254  # 1 inch
 SONAR_AGE_MAX_S = 0.25
 SONAR_RANGE_MIN_M = SONAR_RING_RADIUS_M + SONAR_MIN_M  # from the ring's centre: a reading pegged here is contact
 
+# Battery: at this voltage it counts as empty, with what a board needs to end in order still in it
+BATTERY_LOW_V = 10.5
+
 # Camera
 CAMERA_FIELD_OF_VIEW_RAD = 0.94  # k_max_AOV_POI
 CAMERA_RANGE_M = 2.5  # how far a wall counts as imaged

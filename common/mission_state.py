@@ -17,6 +17,7 @@ ENDED = {
     Outcome.HOME: "home, as ordered",
     Outcome.ARRIVED: "arrived at the place",
     Outcome.GAVE_UP: "gave up: no path led there",
+    Outcome.LOW_BATTERY: "home, for the battery is low",
     Outcome.NEEDS_HELP: "needs help: no way home",
 }
 STARTED_ALREADY = "The mission is under way already; resume ends a pause."
@@ -44,7 +45,7 @@ _STAGES = {
     "GOTO": Stage.ELSEWHERE,
     "GOTO_BLOCKED": Stage.ELSEWHERE,
 }
-_ENDED_STAGES = {Outcome.FINISHED: Stage.DONE, Outcome.HOME: Stage.RETURN}
+_ENDED_STAGES = {Outcome.FINISHED: Stage.DONE, Outcome.HOME: Stage.RETURN, Outcome.LOW_BATTERY: Stage.RETURN}
 _BLOCKED = ("HOME_BLOCKED", "GOTO_BLOCKED")
 
 

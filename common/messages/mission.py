@@ -32,12 +32,13 @@ class Outcome(Enum):
     ARRIVED = "arrived"  # at the place of a goto
     GAVE_UP = "gave up"  # no path led there for too long
     NEEDS_HELP = "needs help"  # no way home for too long: somebody has to come
+    LOW_BATTERY = "low battery"  # home before all was explored, because the battery would not have lasted
     STOPPED = "stopped"  # a latched stop holds it; it goes on after release and resume
 
     @property
     def ends_mission(self) -> bool:
         """Is the run over, as far as the robot is concerned?"""
-        return self in (Outcome.FINISHED, Outcome.HOME, Outcome.GAVE_UP, Outcome.NEEDS_HELP)
+        return self in (Outcome.FINISHED, Outcome.HOME, Outcome.LOW_BATTERY, Outcome.GAVE_UP, Outcome.NEEDS_HELP)
 
     @property
     def exit_code(self) -> int:

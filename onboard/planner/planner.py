@@ -53,16 +53,21 @@ from onboard.planner.grid.deliberation import BESIDE, Deliberator, Query
 from onboard.planner.grid.grid_map import GridMap
 from onboard.planner.grid.grid_reading import GridError
 from onboard.planner.grid.view import Motion, View
+from onboard.planner.mission.battery_watch import BatteryWatch
 from onboard.planner.mission.mission import Mission
 from onboard.planner.mission.orders import Orders
-from onboard.planner.mission.table import BLOCKED, Event, Step
+from onboard.planner.mission.table import AT_REST, BLOCKED, GOING_HOME, Event, Step
 from onboard.planner.routing.destination import has_floor
+from onboard.planner.routing.home_distance import HomeDistance
 from onboard.planner.zones.zone_file import ZONES_NAME
 from onboard.planner.zones.zone_guard import with_border
 from onboard.planner.zones.zone_keeper import ZoneKeeper
 
 VIEW_PERIOD_S = 0.5
 PATH_SHOWN_MAX = 2_000  # waypoints
+BATTERY_PERIOD_S = 1.0
+BATTERY_MATTERS_S = 1800.0  # left: a way home takes less
+NOT_CALLED_HOME = (*AT_REST, *GOING_HOME)
 BACK_ROOM_M = PLANNER_CLEARANCE_M + stopping_m(SPEED_MEDIUM_M_S)  # behind it, to a border that no sonar hears
 
 _log = logging.getLogger(__name__)
@@ -87,6 +92,8 @@ class Planner:
         self._status = StatusReporter(self.name)
         self._collision = CollisionMonitor()
         self._zero_velocity = ZeroVelocityUpdate()
+        self._battery, self._battery_s = BatteryWatch(), -math.inf
+        self._home_m = 0.0  # how far it is, as known last
         self._undecodable = Undecodable()
         self._zones = zones or ZoneKeeper()
         self._zones_read = self._zones_sent = -1  # their revision in the newest grid, and as published
@@ -133,6 +140,7 @@ class Planner:
             elif self._mission.mode in BLOCKED:
                 error = ErrorCode.BLOCKED
         self._keep_zones(bus, now_s)
+        self._watch_battery(bus, now_s, pose)
         for note in self._mission.log.take():
             _log.info("%s", note)
         self._put(self._mission.pending.take(), now_s)
@@ -171,6 +179,8 @@ class Planner:
                 self._begin_deliberating_anew(outcome.error)
             elif isinstance(answer, GridError):
                 self._undecodable.count(GRID.key, str(answer))
+            elif isinstance(query, HomeDistance) and answer is not None:
+                self._home_m = answer
             elif isinstance(answer, JudgedGrid) and answer.grid is not None:
                 self._next_grid = answer
             else:
@@ -222,6 +232,21 @@ class Planner:
         if not answer.refused:
             self._mission.replan()
         return Step(self._mission.state, refused=answer.refused, note=answer.note)
+
+    def _watch_battery(self, bus: Bus, now_s: float, pose: PoseEstimate | None) -> None:
+        """Sends it home in time; how far that is, is asked while it may matter before long."""
+        carrier = bus.latest(CARRIER)
+        if now_s < self._battery_s or carrier is None or pose is None or self._mission.mode in NOT_CALLED_HOME:
+            return
+        self._battery_s = now_s + BATTERY_PERIOD_S
+        self._battery.see(now_s, carrier.battery_v)
+        left_s = self._battery.left_s
+        if left_s < BATTERY_MATTERS_S and self._grid is not None and not self._deliberator.busy:
+            here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
+            self._put(HomeDistance(self._grid_revision, here), now_s)
+        if self._battery.calls_home(self._home_m):
+            _log.info("battery_v=%.2f left_s=%.0f home_m=%.1f", carrier.battery_v, left_s, self._home_m)
+            self._mission.order(Event.BATTERY_LOW)
 
     def _keep_zones(self, bus: Bus, now_s: float) -> None:
         self._zones.step(now_s)

@@ -97,7 +97,7 @@ static const uint16_t kDisarm_ms = 1000;             // = DISARM_TIMEOUT_S * 100
 // Faults
 static const int32_t kEncoderDeadPwm = 80;           // driven this hard ...
 static const uint16_t kEncoderDead_ms = 500;         // ... for this long without a tick
-static const uint16_t kBatteryLow_mv = 10500;        // 0 mV = not wired
+static const uint16_t kBatteryLow_mv = 10500;        // = BATTERY_LOW_V * 1000
 
 // Wiring of the Mega. The name ends with the port, the number is the bit in it, the comment the number on the board.
 // Encoders and motor PWM sit on pins whose interrupt or timer is theirs alone, see src/hal/; they cannot be moved here.

@@ -5,11 +5,13 @@ Reads a JSON file; all lists may be missing:
     {"people":  [{"from_s": 20, "to_s": 60, "speed_m_s": 1.0, "radius_m": 0.25, "waypoints": [[x, y], ...]}],
      "blocked": [{"from_s": 30, "to_s": 90, "line": [[x, y], [x, y]]}],
      "opened":  [{"at_s": 40, "door": "204", "room": [[x, y], ...]}],
-     "turned":  [{"from_s": 50, "to_s": 52, "angle_deg": 40}]}
+     "turned":  [{"from_s": 50, "to_s": 52, "angle_deg": 40}],
+     "battery": {"empty_s": 600}}
 
 A person appears at `from_s`, walks along the waypoints, stands at the last one and disappears at `to_s`. A barrier
 blocks a hall along a line. A door, named by its number, opens into a room, a polygon behind the wall. A person turns
-the robot by hand, counter-clockwise for a positive angle; its wheels do not turn.
+the robot by hand, counter-clockwise for a positive angle; its wheels do not turn. The battery falls evenly from full to
+empty; then the board has no power.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from offboard.simulator.building.floor import Door, Floor, read_ring, wall_segme
 from offboard.simulator.building.polygons import normalised_ring, ring_segments
 
 BARRIER_THICKNESS_M = 0.10
+FULL_MV, STEADY_MV, EMPTY_MV = 12_600, 12_000, 9_900  # of three cells; below that their own circuit cuts them off
 # How far behind and in front of the door's centre a wall belongs to its opening
 _OPENING_BEHIND_M, _OPENING_FRONT_M = 0.60, 0.20
 
@@ -95,6 +98,18 @@ class HandTurn:
 
 
 @dataclass(frozen=True, slots=True)
+class Battery:
+    """Falls evenly from full to empty."""
+
+    empty_s: float = inf  # without an end: one that stays as it is
+
+    def millivolts(self, now_s: float) -> int:
+        if self.empty_s == inf:
+            return STEADY_MV
+        return round(FULL_MV - (FULL_MV - EMPTY_MV) * min(now_s / self.empty_s, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
 class Events:
     """All events of a run, on the clock of the world (seconds since power-on)."""
 
@@ -102,6 +117,7 @@ class Events:
     barriers: tuple[Barrier, ...] = ()
     opened: tuple[OpenedDoor, ...] = ()
     turns: tuple[HandTurn, ...] = ()
+    battery: Battery = Battery()
 
     def change_times_s(self) -> list[float]:
         """Times in seconds at which walls change, in order."""
@@ -135,6 +151,7 @@ def load_events(path: str | Path, floor: Floor) -> Events:
         barriers=tuple(_barrier(node) for node in reader.optional_children("blocked")),
         opened=tuple(_opened(node, floor) for node in reader.optional_children("opened")),
         turns=tuple(_hand_turn(node) for node in reader.optional_children("turned")),
+        battery=Battery(reader.child("battery").length("empty_s")) if reader.has("battery") else Battery(),
     )
 
 

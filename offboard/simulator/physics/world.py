@@ -33,7 +33,6 @@ _IMU_STEPS = 2
 _TRUTH_STEPS = 20
 _PEOPLE_STEPS = 4
 _BUMPER_HALF_ANGLE_RAD = radians(60.0)
-_BATTERY_MV = 12_000
 _UNMEASURED_MAX = 500
 _FAR_BELOW_M = -10.0  # where an absent person is kept
 
@@ -145,6 +144,7 @@ class World:
             self._body.run_board()
         if self._steps % _TRUTH_STEPS == 0:
             self._record_truth()
+            self._drain_battery()
         fired = self.board.fired()
         if fired:
             self.stopwatch.enter(SONARS)
@@ -180,12 +180,22 @@ class World:
         self.board.stop_button(self._stop_button)
 
     def _write_inputs(self) -> None:
-        self.board.battery(_BATTERY_MV)
+        self._battery_mv = self._events.battery.millivolts(self.time_s)
+        self.board.battery(self._battery_mv)
         self.board.bumper(self._bumper)
         self.board.cliff(False, False)
         self.board.stop_button(self._stop_button)
         vx_m_s, vy_m_s, _ = self._qvel.tolist()
         self.board.imu(*self._imu.sample(float(self._qpos[2]), vx_m_s, vy_m_s))
+
+    def _drain_battery(self) -> None:
+        """An empty one leaves the board without power: it never gets beyond its start."""
+        if self.time_s >= self._events.battery.empty_s:
+            self.reset_board()
+        battery_mv = self._events.battery.millivolts(self.time_s)
+        if battery_mv != self._battery_mv:
+            self._battery_mv = battery_mv
+            self.board.battery(battery_mv)
 
     def _rebuild(self, time_s: float, pose: Sequence[float], velocity: Sequence[float]) -> None:
         """Builds the model of the walls of this moment; the body keeps its state."""

@@ -52,6 +52,7 @@ class Event(Enum):
     # The permit's
     STOPPED = "a stop is latched"
     STOP_OVER = "the stop is released and resumed"
+    BATTERY_LOW = "the battery lasts just for the way home"
     # Of driving
     ARRIVED = "arrived"
     ALIGNED = "turned to the first heading"
@@ -125,6 +126,13 @@ TABLE = (
         outcome=Outcome.NONE,
     ),
     Row(Event.GO_HOME, GOING_HOME, Mode.HOME),
+    Row(
+        Event.BATTERY_LOW,
+        tuple(mode for mode in UNDER_WAY if mode not in GOING_HOME),
+        Mode.HOME,
+        aim=Outcome.LOW_BATTERY,
+        outcome=Outcome.NONE,
+    ),
     Row(Event.GO_TO, ALL, Mode.GOTO, aim=Outcome.ARRIVED, outcome=Outcome.NONE),
     Row(Event.GO_NOWHERE, ALL, refused="No floor is known there on which the robot could stand."),
     Row(Event.GO_FORBIDDEN, ALL, refused="A no-go line or area keeps the robot from that place."),

@@ -246,6 +246,7 @@ void Robot::report_sim() {
   status.state = odometry_.gyro().calibrated() ? SIM_STATE_RUNNING : SIM_STATE_BOOT;
   status.error = kOk;
   const uint16_t battery_mv = hardware_.battery_mv();
+  // 0 mV: not wired
   if (battery_mv && battery_mv < config::kBatteryLow_mv) status.error = kBatteryLow;
   if (sonars_.silent()) status.error = kSonarSilent;
   if (odometry_.imu_silent()) {
