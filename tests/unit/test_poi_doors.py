@@ -238,6 +238,17 @@ def test_one_edge_tells_where_the_door_of_a_plate_is() -> None:
     assert door.centre.x_m == pytest.approx(5.25 + 0.53, abs=0.01)
 
 
+def test_one_edge_leads_to_no_door_where_the_wall_ends_and_the_plates_own_rim_leads_nowhere() -> None:
+    # A niche from 4.2 to 5.8 m, its plate on the leaf; right is where x falls
+    records = DoorRecords(lambda left, right: right.x_m > 4.2 and left.x_m < 5.8, SITE)
+    for i in range(3):
+        records.add_edge(Side.LEFT, on_wall(4.5), float(i))  # seen from so near that the wall was taken for the door
+        records.add_edge(Side.RIGHT, on_wall(5.08), float(i))
+        records.add_sign(on_wall(5.0), float(i), plate("204"), 1.4 + 0.1 * i)
+    (door,) = records.doors()
+    assert door.centre.x_m == pytest.approx(5.0)
+
+
 def test_sign_that_was_never_legible_wants_a_photo() -> None:
     records = DoorRecords(lambda left, right: True, SITE)
     unclear = SignReading(Verdict.UNCLEAR, None, "", 0.0, (0.0, 0.0, 1.0, 1.0), ("3",))

@@ -74,6 +74,23 @@ def test_cover_nearly_of_the_plates_colour_shows_by_its_border(side: str, shade:
     assert check(cv2.GaussianBlur(picture, (0, 0), 1.0), "824").damage == f"an edge close {side}"
 
 
+def test_room_before_a_one_is_wider_than_behind_the_last_letter_of_a_narrow_plate() -> None:
+    picture = drawn(("106B", 65, 0)).astype(np.float64)
+    ink = np.flatnonzero((picture < 128).any(axis=0))
+    wall = picture.copy()
+    wall[:] = 200
+    wall[24:, ink[0] - 8 : ink[-1] + 5] = picture[24:, ink[0] - 8 : ink[-1] + 5]
+    assert check(cv2.GaussianBlur(wall, (0, 0), 0.8).astype(np.uint8), "106B").damage == ""
+
+
+@pytest.mark.parametrize("gap_px", [3, 4, 6])
+def test_border_of_a_plate_close_above_a_whole_number_is_no_damage(gap_px: int) -> None:
+    picture = drawn(("108B", 65, 0))
+    ink = np.flatnonzero((picture < 128).any(axis=1))
+    picture[: ink[0] - gap_px] = 90
+    assert check(cv2.GaussianBlur(picture, (0, 0), 0.6), "108B").damage == ""
+
+
 def test_light_that_falls_on_one_end_of_a_number_is_no_border() -> None:
     picture = drawn(("824", 55, 0)).astype(np.float64)
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]

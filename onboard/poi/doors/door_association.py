@@ -22,6 +22,7 @@ OBSERVATIONS_UNREAD_MIN = 4  # of each edge of a door without a plate
 SAME_DOOR_M = 0.6  # two that stand nearer are one, observed twice
 SAME_NUMBER_M = 1.2  # the same, when both have one number
 
+PLATE_HALF_M = 0.11  # from the middle of a plate to its rims
 AROUND_PLATE_M = 0.25  # on each side, where its wall is looked for
 
 
@@ -70,7 +71,7 @@ def associated(
     taken = set(plate_of.values())
     # Without a door around it, a number in doubt may be a year on a poster, and a room's name a direction
     alone = [
-        _door_of_plate(plate, well_seen)
+        _door_of_plate(plate, well_seen, backed)
         for j, plate in enumerate(plates)
         if j not in taken and plate.votes and not plate.doubt
     ]
@@ -93,8 +94,11 @@ def _well_observed(span: Span, posters: list[Sign]) -> bool:
     return min(left.rising, right.rising) > 0 or not around
 
 
-def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
-    """The door of a plate without a pair of edges: placed by the nearest edge, without one by the plate itself."""
+def _door_of_plate(plate: Sign, edges: list[Edge], backed: Backed) -> Door:
+    """The door of a plate without a pair of edges: placed by the nearest edge, without one by the plate itself.
+
+    An edge leads to a place for a door only where the map has wall there. One on the plate is the plate's own.
+    """
     at = plate.place.point
     best: tuple[float, Edge] | None = None
     for edge in edges:
@@ -103,14 +107,21 @@ def _door_of_plate(plate: Sign, edges: list[Edge]) -> Door:
             continue
         # Outside the door a plate hangs left of a left edge or right of a right one
         outwards_m = at.right_of(e) * (1.0 if edge.side is Side.RIGHT else -1.0)
-        if -USUAL_WIDTH_M < outwards_m < PLATE_REACH_M and (best is None or abs(outwards_m) < best[0]):
+        if not -USUAL_WIDTH_M < outwards_m < PLATE_REACH_M or abs(outwards_m) < PLATE_HALF_M:
+            continue
+        if (best is None or abs(outwards_m) < best[0]) and backed(*_usual_door(edge)):
             best = (abs(outwards_m), edge)
     if best is None:
         return Door(at, 0.0, plate, (), plate.place.seen_s)
     edge = best[1]
+    centre = _usual_door(edge)[0].moved_right(USUAL_WIDTH_M / 2)
+    return Door(centre, USUAL_WIDTH_M, plate, (edge,), max(edge.place.seen_s, plate.place.seen_s))
+
+
+def _usual_door(edge: Edge) -> tuple[WallPoint, WallPoint]:
+    """Left and right end of a door of the usual width with this edge."""
     e = edge.place.point
-    inwards_m = (USUAL_WIDTH_M / 2) * (1.0 if edge.side is Side.LEFT else -1.0)
-    return Door(e.moved_right(inwards_m), USUAL_WIDTH_M, plate, (edge,), max(edge.place.seen_s, plate.place.seen_s))
+    return (e, e.moved_right(USUAL_WIDTH_M)) if edge.side is Side.LEFT else (e.moved_right(-USUAL_WIDTH_M), e)
 
 
 def _distinct_plates(plates: list[Sign]) -> list[Sign]:

@@ -1,11 +1,14 @@
 """Whether an edge runs along an end of a line and on above and below it: the border of what hides the rest of it.
 
 What covers a plate may be nearly of its colour, and half a letter looks like another one. But its border runs straight
-on where no letters are, and there even a faint step stands out from the even ground of a plate. Lengths are shares of
-the height of a capital.
+on where no letters are, and there even a faint step stands out from the even ground of a plate. The plate's own border
+leaves the letters some room above and below, and the same room on both sides. Lengths are shares of a capital's height.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,37 +16,70 @@ import numpy.typing as npt
 from onboard.poi.signs.letters import Strokes
 
 BAND = (0.12, 0.4)  # off the letters: the ground on which an edge is looked for
-AROUND = 0.15  # the end of the letters: as far as an edge that runs askew comes away from it
+ASKEW = 0.15  # as far within the letters' end an edge that runs askew may be seen
+# Beyond that end: above and below it touches the letters; beside them another one may be hidden
+TOUCHING, BESIDE_FREE = 0.07, 0.15
+BORDER = 0.5  # as far beyond both ends a plate's border is looked for
+ALIKE, SAME_STEP = 0.2, 0.35  # difference of the room on both sides (before a 1 it is wider), and of the two steps
 TALL = 0.6  # lower letters do not show where a line ends above
-REACH = 0.15  # over which it may be blurred
-BESIDE = 0.5  # of an edge, where the ground changes as little as elsewhere
+REACH = 0.15  # over which an edge may be blurred
+EVEN = 0.5  # beside an edge, where the ground changes as little as elsewhere
 FAINT = 0.03  # smallest step of the ground, share of the letters' contrast
+PEAK = 2  # rows or columns around the largest change
 STANDS_OUT = 4.0  # times the usual change of the ground
 Profile = npt.NDArray[np.float64]  # (N,), grey
 
 
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One end of a line: where it is along `grounds`, both beside the letters; which way is out of them."""
+
+    name: str
+    grounds: tuple[Profile, Profile]
+    ends: tuple[float, float]  # of the letters, in the same direction
+    outwards: int
+
+    @property
+    def at(self) -> float:
+        return self.ends[self.outwards > 0]
+
+
 def edges_along(line: Strokes, capital: float) -> list[str]:
     """The sides at which an edge runs along the letters."""
+    sides = {side.name: side for side in _sides(line, capital)}
+    found = [
+        name
+        for name, side in sides.items()
+        if _edge(side, line.contrast, capital, TOUCHING if name in ("above", "below") else BESIDE_FREE) is not None
+    ]
+    if ("left" in found or "right" in found) and _of_plate(sides["left"], sides["right"], line.contrast, capital):
+        found = [name for name in found if name not in ("left", "right")]
+    return found
+
+
+def _of_plate(left: Side, right: Side, contrast: float, capital: float) -> bool:
+    """Whether both sides have like edges that leave the letters like room, as a number that fills a narrow plate."""
+    edges = [_edge(side, contrast, capital, BORDER) for side in (left, right)]
+    if edges[0] is None or edges[1] is None:
+        return False
+    rooms, steps = zip(*edges, strict=True)
+    alike = abs(rooms[0] - rooms[1]) < ALIKE * capital and abs(steps[0] - steps[1]) < SAME_STEP * abs(steps[0])
+    return alike and min(rooms) > TOUCHING * capital
+
+
+def _sides(line: Strokes, capital: float) -> Iterator[Side]:
     x0, x1 = line.letters[0].x, line.letters[-1].right
     # Of most letters: a bar reaches further
     tall = [letter for letter in line.letters if letter.height >= TALL * capital] or list(line.letters)
     top = float(np.median([letter.y for letter in tall]))
     bottom = float(np.median([letter.bottom for letter in tall]))
     near, far = BAND[0] * capital, BAND[1] * capital
-    above, below = _ground(line, (top - far, top - near), 0), _ground(line, (bottom + near, bottom + far), 0)
-    left, right = _ground(line, (x0 - far, x0 - near), 1), _ground(line, (x1 + near, x1 + far), 1)
-    sides = []
-    for side, at, bands in (
-        ("left", x0, (above, below)),
-        ("right", x1, (above, below)),
-        ("above", top, (left, right)),
-        ("below", bottom, (left, right)),
-    ):
-        ends = (x0, x1) if bands[0] is above else (top, bottom)
-        steps = [_step(band, at, ends, line.contrast, capital) for band in bands]
-        if all(steps) and steps[0] * steps[1] > 0.0:
-            sides.append(side)
-    return sides
+    rows = _ground(line, (top - far, top - near), 0), _ground(line, (bottom + near, bottom + far), 0)
+    columns = _ground(line, (x0 - far, x0 - near), 1), _ground(line, (x1 + near, x1 + far), 1)
+    yield Side("left", rows, (x0, x1), -1)
+    yield Side("right", rows, (x0, x1), 1)
+    yield Side("above", columns, (top, bottom), -1)
+    yield Side("below", columns, (top, bottom), 1)
 
 
 def _ground(line: Strokes, span: tuple[float, float], axis: int) -> Profile:
@@ -54,25 +90,36 @@ def _ground(line: Strokes, span: tuple[float, float], axis: int) -> Profile:
     return part.mean(axis=axis, dtype=np.float64) if part.size else np.zeros(line.gray.shape[1 - axis])
 
 
-def _step(ground: Profile, at: float, ends: tuple[float, float], contrast: float, capital: float) -> float:
-    """The step of the ground near a place, 0 where it is none or does not stand out."""
+def _edge(side: Side, contrast: float, capital: float, out: float) -> tuple[float, float] | None:
+    """How far beyond the letters' end both grounds show an edge, at most `out`, and its step outwards; None without."""
+    steps = [_step(ground, side, contrast, capital, out) for ground in side.grounds]
+    if steps[0] is None or steps[1] is None or steps[0][1] * steps[1][1] < 0.0:
+        return None
+    place, step = (steps[0][0] + steps[1][0]) / 2, (steps[0][1] + steps[1][1]) / 2
+    return side.outwards * (place - side.at), side.outwards * step
+
+
+def _step(ground: Profile, side: Side, contrast: float, capital: float, out: float) -> tuple[float, float] | None:
+    """Where a ground has its largest step near an end of the letters, and that step; None where none stands out."""
     reach = max(round(REACH * capital), 1)
     changes = ground[reach:] - ground[:-reach]
-    middle = at - reach / 2
-    a, b = (max(round(middle + way * AROUND * capital), 0) for way in (-1, 1))
+    window = (side.at - side.outwards * ASKEW * capital, side.at + side.outwards * out * capital)
+    a, b = (max(round(end - reach / 2), 0) for end in sorted(window))
     close = changes[a : b + 1]
     if not close.size:
-        return 0.0
-    at_step = a + int(np.abs(close).argmax())
-    step = float(changes[at_step])
+        return None
+    at = a + int(np.abs(close).argmax())
+    step = float(changes[at])
+    if np.abs(changes[max(at - PEAK, 0) : at + PEAK + 1]).max() > abs(step):  # of an edge further away
+        return None
     # Light that falls on a plate changes the ground beside its strongest change, too
-    near, far = reach + 1, reach + round(BESIDE * capital)
+    near, far = reach + 1, reach + round(EVEN * capital)
     usual = max(
-        _median(changes[max(round(ends[0] - capital), 0) : max(round(ends[1] + capital), 0)]),
-        _median(changes[max(at_step - far, 0) : max(at_step - near, 0)]),
-        _median(changes[at_step + near : at_step + far]),
+        _median(changes[max(round(side.ends[0] - capital), 0) : max(round(side.ends[1] + capital), 0)]),
+        _median(changes[max(at - far, 0) : max(at - near, 0)]),
+        _median(changes[at + near : at + far]),
     )
-    return step if abs(step) > max(FAINT * contrast, STANDS_OUT * usual) else 0.0
+    return (at + reach / 2, step) if abs(step) > max(FAINT * contrast, STANDS_OUT * usual) else None
 
 
 def _median(changes: Profile) -> float:

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from onboard.poi.signs.cover_edges import edges_along
+from onboard.poi.signs.cover_edges import TOUCHING, edges_along
 from onboard.poi.signs.letters import ROWS, Letter, Strokes
 
 BESIDE_FREE, ABOVE_FREE = 0.2, 0.15  # room beside the outer letters; above and below all of them
@@ -172,20 +172,21 @@ def _covered(line: Strokes, capital: float) -> str:
     if inked[left].any() or inked[right].any():
         return "another stroke beside the letters"
     step, reach, inward = STEP * line.contrast, max(round(EDGE * capital), 1), INWARD * capital
-    above = ABOVE_FREE * capital
-    edges = (
+    close = [
         side
-        for side, profile, at, to in (
-            ("left", across, x0 + inward, x0 - far),
-            ("right", across, x1 - inward, x1 + far),
-            ("above", down, top + inward, top - above),
-            ("below", down, bottom - inward, bottom + above),
+        for side, profile, end, way, free in (
+            ("left", across, x0, -1, far),
+            ("right", across, x1, 1, far),
+            ("above", down, top, -1, ABOVE_FREE * capital),
+            ("below", down, bottom, 1, ABOVE_FREE * capital),
         )
-        if _edge(profile, (at, to), reach, capital, step) is not None
-    )
-    close = (*edges, *edges_along(line, capital))
+        if (edge := _edge(profile, (end - way * inward, end + way * free), reach, capital, step)) is not None
+        # Above and below no letters can be hidden but these, which it then touches
+        and (profile is across or way * (edge[0] - end) < TOUCHING * capital)
+    ]
+    close += edges_along(line, capital)
     if ("left" in close or "right" in close) and _in_the_middle(across, (x0, x1), capital, step):
-        close = tuple(side for side in close if side not in ("left", "right"))
+        close = [side for side in close if side not in ("left", "right")]
     return next((f"an edge close {side}" for side in close), "")
 
 
