@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 
 from offboard.evaluate.signs.fonts import font_for_capitals
 from onboard.poi.signs.letters import ROWS, strokes
-from onboard.poi.signs.line_check import Character, Checked, checked
+from onboard.poi.signs.line_check import FLAT, Character, Checked, checked
 
 CAPITAL_PX, MARGIN_PX = 30, 40
 WHITE, BLACK = 235, 30
@@ -29,7 +29,8 @@ def drawn(*parts: tuple[str, float, float]) -> Any:
 
 
 def check(picture: Any, text: str) -> Checked:
-    return checked(strokes(picture, MARGIN_PX, len(text.replace(" ", ""))), [Character(c, 0.999) for c in text])
+    flat = sum(c in FLAT for c in text)
+    return checked(strokes(picture, MARGIN_PX, len(text.replace(" ", "")), flat), [Character(c, 0.999) for c in text])
 
 
 @pytest.mark.parametrize("negative", [False, True])
@@ -89,6 +90,17 @@ def test_border_of_a_plate_close_above_a_whole_number_is_no_damage(gap_px: int) 
     ink = np.flatnonzero((picture < 128).any(axis=1))
     picture[: ink[0] - gap_px] = 90
     assert check(cv2.GaussianBlur(picture, (0, 0), 0.6), "108B").damage == ""
+
+
+@pytest.mark.parametrize("text", ["112B", "125", "12"])
+def test_letters_of_a_dark_plate_are_found_though_the_box_reaches_its_brighter_wall(text: str) -> None:
+    picture = 255 - drawn((text, 65, 0))
+    ink = np.flatnonzero((picture > 128).any(axis=1))
+    picture[: ink[0] - 6] = 228
+    picture[ink[-1] + 7 :] = 228
+    result = check(picture, text)
+    assert result.damage == ""
+    assert result.capital * (CAPITAL_PX + 18) == pytest.approx(CAPITAL_PX, abs=2.5)
 
 
 def test_light_that_falls_on_one_end_of_a_number_is_no_border() -> None:

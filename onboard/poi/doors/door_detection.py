@@ -26,6 +26,7 @@ Mask = npt.NDArray[np.bool_]
 Colour = npt.NDArray[np.float64]  # (3,), blue green red
 
 BAND_LOW_M, BAND_HEIGHT_M = 0.85, 0.14  # above the floor: below every sign
+BAND_SHARE = 0.14  # of what the picture shows, at most
 HIGH_BAND_LOW_M, HIGH_BAND_HEIGHT_M = 1.86, 0.08  # above what hangs on walls, below the lintel
 BAND_ROWS = 12  # rows whose median is the colour of a column
 DARKER, BRIGHTER = 0.78, 1.28  # luminance over the wall's
@@ -136,7 +137,9 @@ def band_colours(image: Image, camera: CameraModel, wall: WallLine) -> npt.NDArr
     """Colour (width, 3) of the wall at the height of the band, column by column; as low as the picture shows."""
     depth_m = wall.distance_m
     lowest_m = max(BAND_LOW_M, CAMERA_HEIGHT_M - 0.98 * (CAMERA_HEIGHT_M - camera.height_m(camera.height_px, depth_m)))
-    return _colours_between(image, camera, wall, lowest_m, BAND_HEIGHT_M)
+    # From near by the picture ends little below the signs
+    shown_m = camera.height_px * camera.metres_per_px(depth_m)
+    return _colours_between(image, camera, wall, lowest_m, min(BAND_HEIGHT_M, BAND_SHARE * shown_m))
 
 
 def _colours_between(

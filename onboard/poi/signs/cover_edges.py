@@ -18,7 +18,7 @@ from onboard.poi.signs.letters import Strokes
 BAND = (0.12, 0.4)  # off the letters: the ground on which an edge is looked for
 ASKEW = 0.15  # as far within the letters' end an edge that runs askew may be seen
 # Beyond that end: above and below it touches the letters; beside them another one may be hidden
-TOUCHING, BESIDE_FREE = 0.07, 0.15
+TOUCHING, BESIDE_FREE = 0.045, 0.15
 BORDER = 0.5  # as far beyond both ends a plate's border is looked for
 ALIKE, SAME_STEP = 0.2, 0.35  # difference of the room on both sides (before a 1 it is wider), and of the two steps
 TALL = 0.6  # lower letters do not show where a line ends above
@@ -59,12 +59,11 @@ def edges_along(line: Strokes, capital: float) -> list[str]:
 
 def _of_plate(left: Side, right: Side, contrast: float, capital: float) -> bool:
     """Whether both sides have like edges that leave the letters like room, as a number that fills a narrow plate."""
-    edges = [_edge(side, contrast, capital, BORDER) for side in (left, right)]
-    if edges[0] is None or edges[1] is None:
+    one, other = (_edge(side, contrast, capital, BORDER) for side in (left, right))
+    if one is None or other is None:
         return False
-    rooms, steps = zip(*edges, strict=True)
-    alike = abs(rooms[0] - rooms[1]) < ALIKE * capital and abs(steps[0] - steps[1]) < SAME_STEP * abs(steps[0])
-    return alike and min(rooms) > TOUCHING * capital
+    alike = abs(one[0] - other[0]) < ALIKE * capital and abs(one[1] - other[1]) < SAME_STEP * abs(one[1])
+    return alike and min(one[0], other[0]) > TOUCHING * capital
 
 
 def _sides(line: Strokes, capital: float) -> Iterator[Side]:

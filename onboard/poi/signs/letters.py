@@ -16,7 +16,8 @@ from onboard.poi.camera.frame import Gray
 ROWS = 64  # of the line's box in the picture that is looked at
 STROKE_MAX = 23  # rows or columns: no stroke of a letter is wider
 THRESHOLDS = (0.8, 1.1, 1.4)  # of Otsu's level: where light falls on a plate, letters are fainter
-APART_MIN = 0.6  # letters per character: from there on they were taken for their background
+CAPITAL_MIN = 0.35  # height of capitals over that of their box
+LOW = 0.45  # height of the lowest letter that is no dot or dash, in capitals
 RIM = 8  # rows and columns around the box in which strokes are followed
 AREA_MIN = 12  # pixels of a stroke
 DOT_ABOVE, DOT_BELOW = 0.4, 0.15  # as far from the letters dots and accents stand, in their height
@@ -70,10 +71,11 @@ class Strokes:
     capital: float
 
 
-def strokes(picture: Gray, margin: int, characters: int = 0) -> Strokes:
+def strokes(picture: Gray, margin: int, characters: int = 0, flat: int = 0) -> Strokes:
     """Takes a level line apart whose box has `margin` pixels around it.
 
-    Where that gives fewer letters than `characters`, which blur may have joined, fainter parts are left out.
+    Where that gives fewer letters than `characters`, which blur may have joined, fainter parts are left out. `flat` of
+    them are dots and dashes.
     """
     scale = ROWS / (picture.shape[0] - 2 * margin)
     interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
@@ -84,10 +86,20 @@ def strokes(picture: Gray, margin: int, characters: int = 0) -> Strokes:
     rim = np.concatenate([inner[:5].ravel(), inner[-5:].ravel()])
     dark = bool(np.count_nonzero(rim > level) >= rim.size / 2)
     taken = _taken_apart(gray, m, dark, characters)
-    if len(taken.letters) < APART_MIN * characters:  # the box may reach beyond a plate that is darker than its wall
+    high = max(characters - flat, 0)
+    # The box may reach beyond a plate that is darker than its wall. One of many may be two that touch, or was not read
+    allowed = 1 if high > 2 else 0
+    if _misses(taken, high) > allowed:
         other = _taken_apart(gray, m, not dark, characters)
-        taken = min(taken, other, key=lambda one: abs(len(one.letters) - characters))
+        return other if _misses(other, high) + allowed < _misses(taken, high) else taken
     return taken
+
+
+def _misses(taken: Strokes, high: int) -> int:
+    """How many letters more or less it has than characters as high as letters are; all of them where none is."""
+    if taken.capital < CAPITAL_MIN * ROWS:
+        return max(high, 1)
+    return abs(sum(letter.height >= LOW * taken.capital for letter in taken.letters) - high)
 
 
 def _taken_apart(gray: Gray, m: int, dark: bool, characters: int) -> Strokes:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.poi.signs.cover_edges import TOUCHING, edges_along
-from onboard.poi.signs.letters import ROWS, Letter, Strokes
+from onboard.poi.signs.letters import LOW, ROWS, Letter, Strokes
 
 BESIDE_FREE, ABOVE_FREE = 0.2, 0.15  # room beside the outer letters; above and below all of them
 NEAR = 0.08  # as far as blur reaches
@@ -31,7 +31,6 @@ COLUMN_BUSY = 0.12  # share of a column that differs
 CROSSED = 0.1  # columns in which something runs through the line
 GAP_MAX, GAP_TIMES = 0.5, 2.0  # between letters of one word: absolute, and in usual gaps
 HEIGHT_OFF, FOOT_OFF = 0.14, 0.14  # of a digit from the others
-LOW = 0.45  # height of the lowest letter that is no dot or dash
 NARROW = 0.62  # share of the usual digit's width; "1" is left out
 FAINT = 0.45  # share of the usual letter's contrast
 RUNNING_TOGETHER = 0.6  # letters per character: from there on each letter is not seen by itself
@@ -42,7 +41,7 @@ UNREAD_GAP = 0.4  # beside a letter that was not read
 WORDS_APART = 0.8  # a gap that parts a number from a name
 Profile = npt.NDArray[np.float32]  # (N,), grey
 
-_FLAT = frozenset("-–—.·•:,'´`_~\"")
+FLAT = frozenset("-–—.·•:,'´`_~\"")
 _DIGITS = frozenset("0123456789")
 
 
@@ -84,7 +83,7 @@ def _letter_of_each(line: Strokes, characters: Sequence[Character]) -> tuple[Let
     if len(line.letters) != len(characters):
         return None
     pairs = zip(line.letters, characters, strict=True)
-    low = any(c.text not in _FLAT and a.height < LOW * line.capital for a, c in pairs)
+    low = any(c.text not in FLAT and a.height < LOW * line.capital for a, c in pairs)
     return None if low else line.letters
 
 
@@ -148,7 +147,7 @@ def _damage(
     through = line.crossing[core, round(x0) : round(x1)].any(axis=0)
     if through.sum() > CROSSED * capital:
         return "something runs through the letters"
-    if len(line.letters) == 1 and len(characters) > 2:
+    if len(line.letters) == 1 and len(characters) > 1:
         return "no letters apart"
     return _covered(line, capital) or _missing(line, capital, own, characters, spaces) or _uneven(line, own, characters)
 
@@ -255,6 +254,6 @@ def _uneven(line: Strokes, own: Sequence[Letter] | None, characters: Sequence[Ch
     if wide and min(wide) < NARROW * float(np.median(wide)):
         return "a digit is too narrow"
     usual = float(np.median([a.contrast for a in own]))
-    if any(a.contrast < FAINT * usual for a, c in zip(own, characters, strict=True) if c.text not in _FLAT):
+    if any(a.contrast < FAINT * usual for a, c in zip(own, characters, strict=True) if c.text not in FLAT):
         return "a letter is too faint"
     return ""

@@ -15,7 +15,7 @@ import numpy as np
 
 from onboard.poi.camera.frame import Image
 from onboard.poi.signs.letters import ROWS, strokes
-from onboard.poi.signs.line_check import Character, checked
+from onboard.poi.signs.line_check import FLAT, Character, checked
 from onboard.poi.signs.text_line import Corners, TextLine, box_of, least_certain
 
 DETECTION_SIDE_PX = 480  # longer side of the image that rapidocr looks for text in
@@ -83,8 +83,8 @@ class SignReader:
         if not views:
             return []
         confidence, turn, corners, picture, margin, characters = max(views, key=lambda view: view[0])
-        letters = sum(not c.text.isspace() for c in characters)
-        check = checked(strokes(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), margin, letters), characters)
+        letters, flat = sum(not c.text.isspace() for c in characters), sum(c.text in FLAT for c in characters)
+        check = checked(strokes(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), margin, letters, flat), characters)
         if whole and check.parts:
             return [
                 line for part in check.parts for line in self._lines_in(image, _between(corners, *part), whole=False)
