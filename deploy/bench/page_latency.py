@@ -56,7 +56,7 @@ MODULES = ("sim", "car", "bridge", "mmu", "planner", "poi", "comm", "recorder")
 VIEWPORT = {"width": 1440, "height": 900}
 _WAIT_S = 30.0
 _SETTLE_S = 3.0
-_FILL_S = 3.0
+_DRIVE_S = 15.0  # before the first stop, so that there is a map that grows
 _END_S = 5.0
 
 # Of every pose that was drawn, when its frame was done: a task that is posted while a frame is drawn runs after it
@@ -71,6 +71,7 @@ WATCH = """() => import('./main.js').then(({ map, model }) => {
         channel.port2.postMessage(last);
     });
 })"""
+STOP_IS = "(look) => document.querySelector('header .stop').dataset.stop === look"
 # Whether the robot is seen where the newest pose is
 ROBOT_PIXEL = """() => import('./main.js').then(({ map, model }) => {
     const [x, y] = map.view.toScreen(model.pose.x_m, model.pose.y_m).map((s) => s * map.ratio);
@@ -203,11 +204,11 @@ def click_to_wheels_off(browser: Browser, count: int) -> None:
         page.goto(mesh.start_page())
         stop = page.locator("header .stop")
         stop.wait_for()
-        page.wait_for_function("document.querySelector('header .stop').dataset.stop === 'IDLE'")
+        page.wait_for_function(STOP_IS, arg="IDLE")
         mesh.drive(Operation.START)
         photos = Photos(mesh.robot, None)
         stack.callback(photos.close)
-        time.sleep(_FILL_S)
+        time.sleep(_DRIVE_S)
         latencies_s: list[float] = []
         while len(latencies_s) < count:
             stop.hover()
@@ -215,6 +216,7 @@ def click_to_wheels_off(browser: Browser, count: int) -> None:
             latency_s = mesh.stop(page.mouse.up)  # which is when a click counts
             if latency_s is not None:
                 latencies_s.append(latency_s)
+            page.wait_for_function(STOP_IS, arg="LATCHED")  # who has no confirmation yet would press once more
             mesh.release()
             mesh.drive(Operation.RESUME)
         received: dict[str, Any] = page.evaluate(

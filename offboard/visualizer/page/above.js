@@ -108,7 +108,7 @@ function drawDoubt(context, view, { heading_rad, sd_xy_m, sd_heading_rad }, colo
   context.globalAlpha = 0.22;
   context.fill();
   circle(context, FOOTPRINT_M * view.scale + SIGMAS * sd_xy_m * view.scale);
-  context.globalAlpha = 0.16;
+  context.globalAlpha = 0.11;
   context.fill();
   context.globalAlpha = 0.7;
   context.lineWidth = 1;
