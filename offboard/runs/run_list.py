@@ -35,11 +35,13 @@ class RunLine:
     damage: tuple[str, ...] = ()
 
     def as_text(self) -> str:
-        parts = [f"{self.date:%Y-%m-%d %H:%M}", self.floor or "-", f"{self.duration_s or 0.0:.0f} s", self._end()]
+        parts = [f"{self.date:%Y-%m-%d %H:%M}", self.floor or "-", f"{self.duration_s or 0.0:.0f} s", self.end_text]
         parts += [f"{name} {value:.3f}" for name, value in self.figures.items()]
         return plain(". DAMAGED: ".join([f"{self.folder}  {', '.join(parts)}", *self.damage]), SENTENCE_MAX)
 
-    def _end(self) -> str:
+    @property
+    def end_text(self) -> str:
+        """How it ended."""
         if self.outcome is None:
             return "unknown end"
         ended = ENDED.get(self.outcome)

@@ -13,6 +13,7 @@ from common.process import argument_parser, run
 from common.zenoh_bus import ZenohBus
 from offboard.operate.bus_operator import BusOperator
 from offboard.visualizer.feed import Feed
+from offboard.visualizer.feed_site import FeedSite
 from offboard.visualizer.live_model import ShownRun
 from offboard.visualizer.poi_store import RunFolderPois
 from offboard.visualizer.server import PageServer
@@ -24,7 +25,7 @@ def make_visualizer(config: Config, arguments: argparse.Namespace) -> Visualizer
     feed = Feed() if run_dir is None else Feed(RunFolderPois(run_dir), run=ShownRun(str(run_dir)))
     section = config.visualizer
     operator = BusOperator(lambda: ZenohBus("command_center", config, FreeClock(), "client"), feed.take_operator)
-    server = PageServer(feed, section.host, section.port, config.robot.name, section.names, operator)
+    server = PageServer(FeedSite(feed, config.robot.name, operator), section.host, section.port, section.names)
     logging.getLogger("visualizer").info("page address=%s", server.address)
     return Visualizer(feed, server)
 

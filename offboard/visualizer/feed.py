@@ -56,6 +56,9 @@ class Feed:
     def take_moments(self, moments: tuple[object, ...]) -> None:
         self._show("moments", moments)
 
+    def take_log(self, lines: tuple[object, ...]) -> None:
+        self._show("log", lines)
+
     def take_many(self, messages: Iterable[tuple[Topic[Any], Any]]) -> None:
         """Of a recording, as one change."""
         with self._lock:

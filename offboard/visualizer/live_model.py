@@ -84,6 +84,7 @@ class LiveModel:
         self.operator: OperatorView | None = None
         self.playback: object = None  # of a recorded run: where the page is in it, and moments to look at
         self.moments: tuple[object, ...] = ()
+        self.log: tuple[object, ...] = ()
         self.grid: GridUpdate | None = None
         self.zones: tuple[Zone, ...] = ()
         self.statuses: dict[str, Status] = {}
@@ -126,7 +127,7 @@ class LiveModel:
             self._takers[topic.key](message)
 
     def show(self, channel: str, value: object) -> None:
-        """What comes from no module: `operator`, `playback` or `moments`."""
+        """What comes from no module: `operator`, `playback`, `moments` or `log`."""
         self._replace(channel, value)
 
     def begin_anew(self) -> None:

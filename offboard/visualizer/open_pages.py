@@ -27,11 +27,19 @@ PAGES_MAX = 32  # the other connections are for files, photos and exports
 class Playback(Protocol):
     """Of a recorded run."""
 
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
     def show(self, at_s: float | None, speed: float) -> None: ...
 
 
 class NoPlayback:
     """Of a live run, which has the present moment only."""
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
 
     def show(self, at_s: float | None, speed: float) -> None: ...
 
@@ -39,9 +47,11 @@ class NoPlayback:
 class OpenPages:
     """`serve` each socket; `wake`, from any thread, when there is news; `end` before the server ends."""
 
-    def __init__(self, feed: Feed, robot: str, exports: Sequence[str], operator: Operator, playback: Playback) -> None:
-        """`exports`: those that the page offers."""
-        self._feed, self._robot, self._exports = feed, robot, exports
+    def __init__(
+        self, feed: Feed, robot: str, exports: Sequence[str], operator: Operator, playback: Playback, over: str = ""
+    ) -> None:
+        """`exports`: those that the page offers; `over`: the run whose walls it shows too."""
+        self._feed, self._robot, self._exports, self._over = feed, robot, exports, over
         self._operator, self._playback = operator, playback
         self._token = secrets.token_urlsafe(16)
         self.count = 0
@@ -81,7 +91,7 @@ class OpenPages:
         self._waiting.add(news)
         self.count += 1
         token = self._token if page.client is not None and is_own(page.client.host) else ""
-        hello = protocol.hello(self._robot, self._exports, self._feed.model_id, self._feed.run, token)
+        hello = protocol.hello(self._robot, self._exports, self._feed.model_id, self._feed.run, token, self._over)
         outbound = Outbound(self._feed.client(_held(page)), hello)
         try:
             sender = asyncio.ensure_future(self._send(page, outbound, news))

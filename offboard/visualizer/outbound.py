@@ -22,7 +22,7 @@ HEARTBEAT_PERIOD_S = 0.2
 # Text and figures for people; ages come with every heartbeat
 _PERIOD_S = {"modules": 1.0, "vitals": 1.0, "health": 5.0}
 # Half of all pieces are the map's: it is what a page that was just opened waits for
-_OTHERS = ("plan", "zones", "vitals", "modules", "moments", "pois", "trail", "grid", "health")
+_OTHERS = ("plan", "zones", "vitals", "modules", "moments", "pois", "trail", "grid", "health", "log")
 _TURNS = tuple(channel for other in _OTHERS for channel in (other, "map"))
 
 

@@ -21,10 +21,21 @@ from offboard.visualizer.feed import Feed
 
 SPEED_MAX = 100.0
 MOMENTS_MAX = 400
+LINES_MAX = 3000  # of the log, the newest: 400 kB for a page
 _STEP_S = 0.05
 _SHOWN: tuple[Topic[Any], ...] = (POSE, RANGES, MAP, TRAJECTORY, PLAN, PERMIT, POI)
 
 _log = logging.getLogger("view")
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedLine:
+    """A line of the log, and its moment."""
+
+    at_s: float
+    level: str
+    module: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +98,11 @@ class Playback:
         self._times_s = [message.arrived_s - began_s for message in self._messages]
         moments = [moment for moment in moments_of(self._messages, lines, began_s) if moment.at_s >= 0.0]
         self._feed.take_moments(tuple(moments[:MOMENTS_MAX]))
+        logged = [
+            LoggedLine(round(line.arrived_s - began_s, 2), line.payload.level, line.topic.producer, line.payload.text)
+            for line in lines[-LINES_MAX:]
+        ]
+        self._feed.take_log(tuple(logged))
         self._next = len(self._messages)
         self._publish(PlaybackView(self._times_s[-1], self._times_s[-1]))
 

@@ -57,13 +57,14 @@ def binary_message(channel: str, *body: bytes | memoryview, **values: Any) -> by
     return b"".join((len(head).to_bytes(4, "little"), head, *body))
 
 
-def hello(robot: str, exports: Iterable[str], model_id: str, run: ShownRun, token: str) -> PageMessage:
+def hello(robot: str, exports: Iterable[str], model_id: str, run: ShownRun, token: str, over: str = "") -> PageMessage:
     """The first message of a connection; `exports` are those that the page offers.
 
-    `token`: with which it may order something; empty where it may only look, and stop.
+    `token`: with which it may order something; empty where it may only look, and stop. `over`: the name of the run
+    whose walls it shows too.
     """
     offered = [{"form": form, "title": EXPORTS[form].title} for form in exports]
-    names = {"robot": robot, "run": run.name, "recorded": run.recorded}
+    names = {"robot": robot, "run": run.name, "recorded": run.recorded, "over": over}
     bearings = [round(bearing_rad, 4) for bearing_rad in SONAR_BEARINGS_RAD]
     return text_message("hello", **names, exports=offered, model=model_id, token=token, sonar_bearings_rad=bearings)
 
@@ -222,6 +223,10 @@ def _moments(model: LiveModel) -> PageMessage:
     return text_message("moments", moments=[dataclasses.asdict(cast(Any, moment)) for moment in model.moments])
 
 
+def _log(model: LiveModel) -> PageMessage:
+    return text_message("log", lines=[dataclasses.asdict(cast(Any, line)) for line in model.log])
+
+
 def _pois(model: LiveModel) -> PageMessage:
     return text_message("pois", pois=[dataclasses.asdict(record) for record in model.pois.values()])
 
@@ -247,6 +252,7 @@ _MAKERS: dict[str, Callable[[LiveModel], PageMessage]] = {
     "operator": _operator,
     "playback": _playback,
     "moments": _moments,
+    "log": _log,
     "plan": _plan,
     "modules": _module_list,
     "pois": _pois,

@@ -29,10 +29,11 @@ from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import DATABASE_NAME, RunFolderError, files_of_run, read_map, read_path
 from offboard.runs.run_list import RunLine, read_run
 from offboard.visualizer.feed import Feed
+from offboard.visualizer.feed_site import FeedSite
 from offboard.visualizer.live_model import ShownRun
 from offboard.visualizer.playback import Playback
 from offboard.visualizer.poi_store import RunFolderPois
-from offboard.visualizer.server import PageServer
+from offboard.visualizer.server import PageServer, Site
 
 _POLL_S = 0.2
 _LAST: tuple[Topic[Any], ...] = (POSE, PLAN, PERMIT, CARRIER, *STATUS.values())
@@ -68,15 +69,20 @@ def serve(
     on_address: Callable[[str], None],
     unwatched_s: float = inf,
 ) -> None:
-    """Serves the page until `stop`, or until nobody has had it open for so long. Raises StartError.
+    """Serves the run's page, as `serve_site`."""
+    name = Path(run.feed.run.name).resolve().name
+    serve_site(FeedSite(run.feed, name, playback=run.playback), page, stop, on_address, unwatched_s)
+
+
+def serve_site(
+    site: Site, page: VisualizerSection, stop: Event, on_address: Callable[[str], None], unwatched_s: float = inf
+) -> None:
+    """Serves it until `stop`, or until nobody has had a page open for so long. Raises StartError.
 
     Calls `on_address` as soon as it can be opened.
     """
-    name = Path(run.feed.run.name).resolve().name
-    server = PageServer(run.feed, page.host, page.port, name, page.names, playback=run.playback)
+    server = PageServer(site, page.host, page.port, page.names)
     server.start()
-    if run.playback is not None:
-        run.playback.open()
     watched_s = time.monotonic()
     try:
         on_address(server.address)
@@ -84,8 +90,6 @@ def serve(
             watched_s = time.monotonic() if server.pages else watched_s
     finally:
         server.close()
-        if run.playback is not None:
-            run.playback.close()
 
 
 class _RunClock:

@@ -1,45 +1,39 @@
-"""The web server: `Feed` -> the page, its WebSocket, photos, exports. In a thread of its own; the node only feeds."""
+"""The web server: a `Site` -> HTTP and WebSockets of browsers, in a thread of its own."""
 
 from __future__ import annotations
 
-import re
 import socket
 import threading
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
+from typing import Protocol
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response, StreamingResponse
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.routing import BaseRoute
 
-from common.errors import StartError, sentence
-from offboard.operate.bus_operator import NoOperator, Operator
+from common.errors import StartError
 from offboard.visualizer.connections import CONNECTIONS_MAX, BoundedProtocol, keep_log_brief
-from offboard.visualizer.exports import Exports, attachment
-from offboard.visualizer.feed import Feed
-from offboard.visualizer.guards import PAGE, KnownHosts, PolicyHeaders
-from offboard.visualizer.open_pages import NoPlayback, OpenPages, Playback
+from offboard.visualizer.guards import KnownHosts, PolicyHeaders
 
 _RECEIVED_BYTES_MAX = 1024  # a page sends what it has received, and orders
-_PIECE_BYTES = 64_000
 _END_TIMEOUT_S = 2
 _START_TIMEOUT_S = 10.0
 
 
-class _Pieces(StreamingResponse):
-    """Content that goes out as it is read: a whole copy would wait for every slow reader."""
+class Site(Protocol):
+    """What is served."""
 
-    def __init__(self, content: bytes, media_type: str, headers: Mapping[str, str] | None = None) -> None:
-        async def pieces() -> AsyncIterator[bytes]:
-            for start in range(0, len(content), _PIECE_BYTES):
-                yield content[start : start + _PIECE_BYTES]
+    routes: list[BaseRoute]
 
-        super().__init__(pieces(), media_type=media_type, headers=headers)
-        self.headers["Content-Length"] = str(len(content))
+    @property
+    def pages(self) -> int:
+        """How many pages are open there."""
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
 
 
 class PageServer:
@@ -48,22 +42,10 @@ class PageServer:
     Raises StartError when it cannot listen. Port 0 takes any free one.
     """
 
-    def __init__(
-        self,
-        feed: Feed,
-        host: str,
-        port: int,
-        robot: str = "robot",
-        names: Sequence[str] = (),
-        operator: Operator | None = None,
-        playback: Playback | None = None,
-    ) -> None:
-        """`names`: further host names under which browsers may request the page."""
+    def __init__(self, site: Site, host: str, port: int, names: Sequence[str] = ()) -> None:
+        """`names`: further host names under which browsers may request it."""
         keep_log_brief()
-        self._feed, self._robot = feed, robot
-        self._operator = operator or NoOperator()
-        self._exports = Exports(feed)
-        self._open = OpenPages(feed, robot, self._exports.offered, self._operator, playback or NoPlayback())
+        self._site = site
         self._socket = _listen(host, port)
         shown = "127.0.0.1" if host in ("", "0.0.0.0", "::") else host
         self.port: int = self._socket.getsockname()[1]
@@ -90,23 +72,20 @@ class PageServer:
     @property
     def pages(self) -> int:
         """How many look at present."""
-        return self._open.count
+        return self._site.pages
 
     @property
     def running(self) -> bool:
         return self._thread.is_alive()
 
     def start(self) -> None:
-        self._feed.on_change = self._open.wake
-        self._operator.open()
+        self._site.open()
         self._thread.start()
         self._ready.wait(_START_TIMEOUT_S)
 
     def close(self) -> None:
-        self._feed.on_change = lambda: None
-        self._operator.close()
         self._server.should_exit = True
-        self._open.end()
+        self._site.close()
         if self._thread.is_alive():
             self._thread.join(2.0 * _END_TIMEOUT_S)
         self._socket.close()
@@ -124,39 +103,7 @@ class PageServer:
             self._ready.set()
             yield
 
-        routes = [
-            WebSocketRoute("/live", self._open.serve),
-            Route("/refusal", self._refused),
-            Route("/photos/{poi_id}.jpg", self._photo),
-            Route("/export/map.{form}", self._export),
-            Mount("/", StaticFiles(directory=PAGE, html=True)),
-        ]
-        return Starlette(routes=routes, middleware=guards, lifespan=lifespan)
-
-    # Endpoints; those that are not `async` run in a thread of their own
-
-    def _photo(self, request: Request) -> Response:
-        number = request.path_params["poi_id"]
-        photo = self._feed.photo(int(number)) if re.fullmatch(r"[0-9]{1,18}", number) else None
-        if photo is None:
-            return PlainTextResponse("There is no photo of this point of interest.", 404)
-        return _Pieces(photo, "image/jpeg")
-
-    async def _export(self, request: Request) -> Response:
-        form = request.path_params["form"]
-        if form not in self._exports.offered:
-            return PlainTextResponse(f"No export as {form}; choose from {', '.join(self._exports.offered)}.", 404)
-        try:
-            file = await self._exports.get(form)
-        except (StartError, OSError) as error:
-            return PlainTextResponse(sentence(error), 500)
-        disposition = {"Content-Disposition": attachment(f"{self._robot}-{file.name}")}
-        return _Pieces(file.content, file.media_type, disposition)
-
-    def _refused(self, request: Request) -> Response:
-        """Why the socket of a page of that origin is refused: a browser does not let the page read it from there."""
-        origin = request.query_params.get("origin", "")
-        return PlainTextResponse(self._open.refusal(origin, request.headers.get("host", "")))
+        return Starlette(routes=self._site.routes, middleware=guards, lifespan=lifespan)
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -20,6 +20,7 @@ from common.messages.topics import MAP, PERMIT, POI, POSE
 from deploy.bench.browser import CHROMIUM, chromium
 from offboard.operate.bus_operator import Operator
 from offboard.visualizer.feed import Feed
+from offboard.visualizer.feed_site import FeedSite
 from offboard.visualizer.live_model import NO_RUN, ShownRun
 from offboard.visualizer.server import PageServer
 
@@ -45,7 +46,7 @@ class Robot:
     def __init__(self, port: int = 0, run: ShownRun = NO_RUN, operator: Operator | None = None) -> None:
         self.late_s = 0.0
         self.feed = Feed(clock=lambda: time.monotonic() + self.late_s, run=run)
-        self.server = PageServer(self.feed, "127.0.0.1", port, "robot1", operator=operator)
+        self.server = PageServer(FeedSite(self.feed, "robot1", operator), "127.0.0.1", port)
         self.server.start()
         self._points = 0
 

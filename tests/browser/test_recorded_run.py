@@ -13,9 +13,10 @@ from playwright.sync_api import expect
 
 from common.codec import encode
 from common.config import VisualizerSection
+from common.messages.health import LogLine
 from common.messages.mapping import MapUpdate, PoseEstimate
 from common.messages.points_of_interest import PointOfInterest
-from common.messages.topics import MAP, POI, POSE, Topic
+from common.messages.topics import LOG, MAP, POI, POSE, Topic
 from common.recording import RecordedMessage
 from offboard.runs import run_folder
 from offboard.runs.run_schema import Delivery, RunDatabase
@@ -125,6 +126,9 @@ def played(run: Path) -> Iterator[Served]:
             payloads.append((MAP, MapUpdate(t_s, 1, 0 if k == 20 else 40, points, np.zeros(len(xs), np.uint8))))
         if k == 60:
             payloads.append((POI, PointOfInterest(t_s, 1, "Door", "101", 2.0, -1.25, "101", "Office", 0.9, "read")))
+        if k in (30, 150):
+            text = "a wheel slipped" if k == 30 else "a door was found"
+            payloads.append((LOG["mmu"], LogLine(t_s, "WARNING" if k == 30 else "INFO", text)))
         messages = [RecordedMessage(topic.key, 7, k + 1, encode(payload, k + 1, 7)) for topic, payload in payloads]
         database.store_data(Delivery(100.0 + t_s, messages))
     database.close()
@@ -158,3 +162,22 @@ def test_a_recorded_run_is_played_from_any_moment_on(played: Served, visit: Open
     seen.until(lambda: page.evaluate(POSITION)[1] == 80, "the second wall")
     expect(page.locator("#clock")).to_have_text("0:20 / 0:20")
     expect(page.get_by_role("button", name="Play")).to_be_visible()
+
+
+def test_a_line_of_the_log_leads_to_its_moment(played: Served, visit: Open) -> None:
+    seen = visit(None, at=played.address)
+    seen.until_link("recorded")
+    page = seen.page
+    page.locator("#log summary").click()
+    lines = page.locator("#log-list button")
+    expect(lines).to_have_count(2)
+    page.get_by_label("Level", exact=True).select_option("serious")
+    expect(lines).to_have_count(1)
+    page.get_by_label("Level", exact=True).select_option("")
+    page.get_by_label("Search the log").fill("door found")
+    expect(lines).to_have_text("0:15mmu a door was found")
+    page.get_by_label("Search the log").fill("")
+    lines.first.click()
+    shown = [pytest.approx(0.9, abs=0.05), 40, 0]
+    seen.until(lambda: page.evaluate(POSITION) == shown, "the moment of the slip")
+    expect(lines.first).to_have_attribute("aria-current", "true")

@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 from offboard.export.formats import EXPORTS, export, formats_of
 from offboard.export.title import TitleBlock
 from offboard.runs.run_folder import MAP_POINTS_NAME
+from offboard.visualizer.feed_site import FeedSite
 from offboard.visualizer.run_view import recorded_run as run_on_page
 from offboard.visualizer.server import PageServer
 from tests.unit.export_scenes import hall, write_run
@@ -32,7 +33,7 @@ def get(server: PageServer, path: str) -> tuple[int, Message, bytes]:
 
 @pytest.fixture
 def server(recorded_run: Path) -> Iterator[PageServer]:
-    made = PageServer(run_on_page(recorded_run).feed, "127.0.0.1", 0, "monday")
+    made = PageServer(FeedSite(run_on_page(recorded_run).feed, "monday"), "127.0.0.1", 0)
     made.start()
     yield made
     made.close()

@@ -9,7 +9,7 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, closing
 from typing import Any
@@ -29,6 +29,7 @@ from offboard.export.title import TitleBlock
 from offboard.runs.run_folder import MapData
 from offboard.visualizer import connections, open_pages
 from offboard.visualizer.feed import Feed
+from offboard.visualizer.feed_site import FeedSite
 from offboard.visualizer.server import PageServer
 from offboard.visualizer.visualizer import Visualizer
 from tests.page_socket import PageSocket, page_socket
@@ -52,14 +53,14 @@ def feed() -> Feed:
 
 @pytest.fixture
 def server(feed: Feed) -> Iterator[PageServer]:
-    server = PageServer(feed, "127.0.0.1", 0, "robot7")
+    server = PageServer(FeedSite(feed, "robot7"), "127.0.0.1", 0)
     server.start()
     yield server
     server.close()
 
 
-def served(feed: Feed, *arguments: Any) -> PageServer:
-    server = PageServer(feed, *arguments)
+def served(feed: Feed, host: str = "127.0.0.1", robot: str = "robot7", names: Sequence[str] = ()) -> PageServer:
+    server = PageServer(FeedSite(feed, robot), host, 0, names)
     server.start()
     return server
 
@@ -116,7 +117,7 @@ def test_photos_are_given_by_number(server: PageServer) -> None:
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
 def test_a_strange_name_for_this_machine_is_turned_away_wherever_the_page_is_served(feed: Feed, host: str) -> None:
     """A page of the internet that gives its own name this machine's address reads nothing, and may not listen."""
-    with closing(served(feed, host, 0, "robot7", ("floor3.example.org",))) as server:
+    with closing(served(feed, host, "robot7", ("floor3.example.org",))) as server:
         for name in (
             "evil.example",
             "evil.example:8080",
@@ -134,7 +135,7 @@ def test_a_strange_name_for_this_machine_is_turned_away_wherever_the_page_is_ser
 
 
 def test_a_robots_name_of_any_letters_is_the_name_of_its_export(feed: Feed) -> None:
-    with closing(served(feed, "127.0.0.1", 0, '機器人"7')) as server:
+    with closing(served(feed, "127.0.0.1", '機器人"7')) as server:
         status, headers, _ = get(server, "export/map.csv")
     assert status == 200
     plain, coded = headers["Content-Disposition"].removeprefix("attachment; ").split("; ")
@@ -207,7 +208,7 @@ def test_connections_that_say_nothing_make_way_for_who_asks(
     feed: Feed, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(connections, "CONNECTIONS_MAX", 8)
-    with closing(served(feed, "127.0.0.1", 0)) as server, live(server) as page, ExitStack() as sockets:
+    with closing(served(feed)) as server, live(server) as page, ExitStack() as sockets:
         idle = [sockets.enter_context(silent(server)) for _ in range(50)]
         assert get(server, "")[0] == 200
         assert idle[0].recv(1) == b""
@@ -222,7 +223,7 @@ BEGINNINGS = [b"", b"GET / HTTP/1.1\r\nX: ", b"POST / HTTP/1.1\r\nHost: localhos
 @pytest.mark.parametrize("beginning", BEGINNINGS, ids=["nothing", "headers", "body"])
 def test_a_request_that_never_ends_is_given_up(feed: Feed, monkeypatch: pytest.MonkeyPatch, beginning: bytes) -> None:
     monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.2)
-    with closing(served(feed, "127.0.0.1", 0)) as server, silent(server) as slow:
+    with closing(served(feed)) as server, silent(server) as slow:
         slow.sendall(beginning)
 
         def ended() -> bool:
@@ -241,7 +242,7 @@ def test_a_request_that_never_ends_is_given_up(feed: Feed, monkeypatch: pytest.M
 def test_a_reader_that_never_reads_is_given_up(feed: Feed, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "PROGRESS_TIMEOUT_S", 0.2)
     feed.take(POI, PointOfInterest(1.0, 9, "Door", "", 1.0, 1.0, "", "", 0.9, "read", bytes(20_000_000)))
-    with closing(served(feed, "127.0.0.1", 0)) as server, silent(server) as lazy:
+    with closing(served(feed)) as server, silent(server) as lazy:
         lazy.sendall(b"GET /photos/9.jpg HTTP/1.1\r\nHost: localhost\r\n\r\n")
         state = server._server.server_state
         until(lambda: state.tasks)
@@ -351,7 +352,7 @@ def test_a_page_that_does_not_read_is_later_given_the_newest_and_no_queue(server
 
 
 def test_closing_ends_the_server_while_pages_look(feed: Feed) -> None:
-    server = PageServer(feed, "127.0.0.1", 0)
+    server = PageServer(FeedSite(feed), "127.0.0.1", 0)
     server.start()
     with live(server) as page:
         page.next(5.0)
@@ -366,7 +367,7 @@ def test_a_taken_port_is_one_sentence(feed: Feed) -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         with pytest.raises(StartError, match=r"set another \[visualizer\] port in robot.toml"):
-            PageServer(feed, "127.0.0.1", other.getsockname()[1])
+            PageServer(FeedSite(feed), "127.0.0.1", other.getsockname()[1])
 
 
 @pytest.mark.requirement("VSL_MR_05")
@@ -374,7 +375,7 @@ def test_the_node_reports_its_status_ten_times_a_second_and_feeds_the_page() -> 
     mesh = LocalMesh()
     robot, bus = mesh.endpoint("robot"), mesh.endpoint("visualizer")
     feed = Feed()
-    server = PageServer(feed, "127.0.0.1", 0)
+    server = PageServer(FeedSite(feed), "127.0.0.1", 0)
     node = Visualizer(feed, server)
     try:
         node.step(bus, 0.0)
@@ -393,7 +394,7 @@ def test_the_node_reports_its_status_ten_times_a_second_and_feeds_the_page() -> 
 def test_the_node_ends_when_its_server_does() -> None:
     bus = LocalMesh().endpoint("visualizer")
     feed = Feed()
-    server = PageServer(feed, "127.0.0.1", 0)
+    server = PageServer(FeedSite(feed), "127.0.0.1", 0)
     node = Visualizer(feed, server)
     server.close()
     with pytest.raises(RuntimeError, match="server has ended"):

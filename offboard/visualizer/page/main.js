@@ -1,9 +1,11 @@
 // Joins the parts of the page: link -> model -> map, markers, list, dialog, panel.
 
 import { Alerts } from "./alerts.js";
+import { comparison } from "./comparison.js";
 import { DoorForm } from "./door_form.js";
 import { Gestures } from "./gestures.js";
 import { Link } from "./link.js";
+import { LogList } from "./log_list.js";
 import { MapView } from "./map_view.js";
 import { Markers } from "./markers.js";
 import { Model } from "./model.js";
@@ -46,6 +48,7 @@ const orders = new Orders(model, {
 });
 const zones = new Zones(map, orders, (onPick) => gestures.pick(onPick));
 const timeline = new Timeline(model, (message) => link.send(message));
+const log = new LogList(model, (at_s) => timeline.jump(at_s));
 const paper = new Paper(map, model, screenScale);
 const doorForm = new DoorForm(orders);
 const dialog = new PoiDialog({
@@ -76,6 +79,7 @@ function centre(poi, focus = false) {
 function take(channel, message) {
   model.take(channel, message);
   if (channel === "hello") offer(message.exports);
+  if (channel === "hello" && message.over && !model.comparison) compare();
   if (channel === "pois") {
     markers.set(model.pois);
     list.set(model.pois);
@@ -84,12 +88,25 @@ function take(channel, message) {
   }
   if (channel === "grid") map.redecode();
   if (channel === "playback") timeline.show();
+  if (channel === "log") log.show();
+  if (channel === "playback") log.mark();
   if (channel === "playback" || channel === "moments") timeline.showMoments();
   if (channel === "alerts" || channel === "hello") alerts.show();
   if (channel === "operator" || channel === "hello") orders.show();
   if (["operator", "hello", "zones"].includes(channel)) zones.show();
   const drawn = DRAWN[channel];
   if (drawn) map.draw(drawn === "below");
+}
+
+async function compare() {
+  model.comparison = await comparison();
+  const [title, text, here, there] = $("over").children;
+  title.textContent = `${model.over} over ${model.robot}`;
+  text.textContent = model.comparison.text;
+  here.querySelector("span").textContent = `only in ${model.robot}`;
+  there.querySelector("span").textContent = `only in ${model.over}`;
+  $("over").hidden = false;
+  map.draw();
 }
 
 function offer(exports) {

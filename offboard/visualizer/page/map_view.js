@@ -50,7 +50,7 @@ export class MapView {
 
   recolour() {
     const style = getComputedStyle(document.documentElement);
-    const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "sonar", "ink", "paper", "start", "zone"];
+    const names = ["unknown", "lines", "free", "wall", "inferred", "trail", "plan", "robot", "sonar", "ink", "paper", "start", "zone", "here", "there"];
     this.colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
     this.stained = true;
     if (this.floor) this.#tintFloor();
@@ -176,9 +176,7 @@ export class MapView {
   }
 
   #drawFloor(context) {
-    const { playback } = this.model;
-    // The floor of a recorded run is known as it was in the end
-    if (!this.floor || (playback && playback.at_s < playback.duration_s)) return;
+    if (!this.floor || !this.model.atEnd) return;
     const { tinted, grid } = this.floor;
     context.imageSmoothingEnabled = this.view.scale * grid.cell_m < 6;
     context.drawImage(tinted, ...grid.origin, grid.columns * grid.cell_m, grid.rows * grid.cell_m);
@@ -226,12 +224,20 @@ export class MapView {
     const [x0, y0, x1, y1] = this.#seen();
     context.lineCap = "round";
     context.lineWidth = Math.max(WALL, 2 / this.view.scale);
-    for (const chunk of this.model.walls.chunks) {
-      const [a, b, c, d] = chunk.box;
-      if (c < x0 || a > x1 || d < y0 || b > y1) continue;
-      context.strokeStyle = chunk.inferred ? this.colours.inferred : this.colours.wall;
-      context.stroke(chunk.path);
+    for (const { name, walls } of this.#wallLayers) {
+      for (const chunk of walls.chunks) {
+        const [a, b, c, d] = chunk.box;
+        if (c < x0 || a > x1 || d < y0 || b > y1) continue;
+        context.strokeStyle = this.colours[name ?? (chunk.inferred ? "inferred" : "wall")];
+        context.stroke(chunk.path);
+      }
     }
+  }
+
+  // With another run over this one each kind of walls has its colour
+  get #wallLayers() {
+    const { comparison, walls, atEnd } = this.model;
+    return comparison?.layers.length && atEnd ? comparison.layers : [{ walls }];
   }
 
   #drawStart(context) {

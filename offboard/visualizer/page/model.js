@@ -24,6 +24,9 @@ export class Model {
     this.operator = null; // {stop, answer, hindrance} of the robot's operator; null where only a run is shown
     this.playback = null; // of a recorded run: {at_s, duration_s, speed}
     this.moments = [];
+    this.log = []; // its lines: {at_s, level, module, text}
+    this.over = ""; // the run whose walls are shown too
+    this.comparison = null; // {text, layers: [{name, walls}]} of both
     this.recorded = ""; // when that was; empty while the run goes on
     this.pose = null;
     this.plan = null;
@@ -85,9 +88,17 @@ export class Model {
     return this.ranges?.valid && fresh ? this.ranges.range_m : [];
   }
 
+  // What a recorded run's files hold is shown at its end
+  get atEnd() {
+    return !this.playback || this.playback.at_s >= this.playback.duration_s;
+  }
+
   // Everything that is drawn, or null
   get box() {
     let box = this.walls.box;
+    for (const { walls } of this.comparison?.layers ?? []) {
+      if (walls.box) box = grown(grown(box, walls.box[0], walls.box[1]), walls.box[2], walls.box[3]);
+    }
     for (let k = 0; k < this.trail.length; k += 2) box = grown(box, this.trail[k], this.trail[k + 1]);
     for (const poi of this.pois) box = grown(box, poi.x_m, poi.y_m);
     if (this.pose) box = grown(box, this.pose.x_m, this.pose.y_m);
@@ -100,7 +111,7 @@ export class Model {
   }
 
   _hello(message) {
-    for (const name of ["robot", "run", "recorded", "token"]) this[name] = message[name];
+    for (const name of ["robot", "run", "recorded", "token", "over"]) this[name] = message[name];
     this.bearings = message.sonar_bearings_rad;
     if (message.model !== this.source) this.epoch = -1; // its map begins at its beginning
     this.source = message.model;
@@ -181,6 +192,10 @@ export class Model {
 
   _moments({ moments }) {
     this.moments = moments;
+  }
+
+  _log({ lines }) {
+    this.log = lines;
   }
 
   _plan(message) {

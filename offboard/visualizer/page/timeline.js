@@ -2,6 +2,8 @@
 
 const $ = (id) => document.getElementById(id);
 
+export const clock = (s) => `${Math.floor(s / 60)}:${String(Math.floor(s % 60)).padStart(2, "0")}`;
+
 export class Timeline {
   // `send(message)` to the server
   constructor(model, send) {
@@ -15,9 +17,9 @@ export class Timeline {
     };
     $("at").onchange = () => {
       this.held = false;
-      this.#show(Number($("at").value), this.model.playback.speed);
+      this.jump(Number($("at").value));
     };
-    $("moments").onclick = ({ target }) => target.dataset.at && this.#show(Number(target.dataset.at), this.model.playback.speed);
+    $("moments").onclick = ({ target }) => target.dataset.at && this.jump(Number(target.dataset.at));
   }
 
   get speed() {
@@ -26,6 +28,10 @@ export class Timeline {
 
   toggle() {
     if (this.model.playback) this.#show(null, this.model.playback.speed ? 0 : this.speed);
+  }
+
+  jump(at_s) {
+    this.#show(at_s, this.model.playback.speed);
   }
 
   #show(at_s, speed) {
@@ -45,7 +51,6 @@ export class Timeline {
   }
 
   #label(at_s) {
-    const clock = (s) => `${Math.floor(s / 60)}:${String(Math.floor(s % 60)).padStart(2, "0")}`;
     const text = `${clock(at_s)} / ${clock(this.model.playback.duration_s)}`;
     $("clock").value = text;
     $("at").setAttribute("aria-valuetext", text);
