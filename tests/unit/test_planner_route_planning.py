@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
-from onboard.planner.grid.grid_map import Cell, GridMap, Mask
+from common.geometry import Pose2
+from onboard.planner.exploration.queries import FindPathBefore
+from onboard.planner.grid.deliberation import Grids
+from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, Cell, GridMap, Mask
 from onboard.planner.routing.route_planning import (
     TIGHT_CLEARANCE_M,
     TIGHT_PRICE,
@@ -183,3 +186,16 @@ def test_a_way_of_one_cell_is_its_own_end() -> None:
     grid = hall()
     cell = grid.cell(4.0, 2.0)
     assert pull_string(grid, np.array([cell]), cell_prices(grid, cell)) == [grid.centre(cell)]
+
+
+def test_a_door_is_driven_to_on_the_side_that_paths_lead_to_and_as_near_as_the_footprint_fits() -> None:
+    # Two halls along x, a wall of one cell between them
+    halls = drawn([(1.0, 1.0, 9.0, 2.5), (1.0, 2.6, 9.0, 4.1)], [(1.0, 2.5, 9.0, 2.6)], (10.0, 5.0))
+    grids = Grids()
+    grids.put(1, halls)
+    for y_m, side in ((2.0, -1.0), (3.2, 1.0)):
+        path = FindPathBefore(1, Pose2(2.0, y_m, 0.0), (6.0, 2.55), ()).answer(grids)
+        assert path is not None
+        assert abs(path[-1][0] - 6.0) < 0.11
+        assert -0.01 < side * (path[-1][1] - 2.55) - STAND_CLEARANCE_M < 0.11
+    assert FindPathBefore(1, Pose2(2.0, 2.0, 0.0), (20.0, 20.0), ()).answer(grids) is None

@@ -17,7 +17,15 @@ from common.messages.mapping import GridUpdate
 from common.zones import Zone
 from onboard.planner.exploration import frontiers
 from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, FrontierMemory
-from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid, JudgeLeftOut, Offer, PlanTours
+from onboard.planner.exploration.queries import (
+    FindPath,
+    FindPathBefore,
+    JudgedGrid,
+    JudgeGrid,
+    JudgeLeftOut,
+    Offer,
+    PlanTours,
+)
 from onboard.planner.exploration.recovery_memory import Obstacles
 from onboard.planner.exploration.trail import Trail
 from onboard.planner.grid.deliberation import Deliberation
@@ -152,6 +160,11 @@ class FrontierManager:
     def route(self, view: View, wanted: Collection[Cell]) -> Deliberation[Path | None]:
         """Waypoints to the cheapest of the wanted cells; None where no path leads there."""
         path: Path | None = yield FindPath(view.grid_revision, view.pose, wanted, self._obstacles.places)
+        return path
+
+    def route_before(self, view: View, place_m: tuple[float, float]) -> Deliberation[Path | None]:
+        """Waypoints to where it can stand nearest to a place at which it cannot; None where that is far from it."""
+        path: Path | None = yield FindPathBefore(view.grid_revision, view.pose, place_m, self._obstacles.places)
         return path
 
     def is_clear(self, view: View, path: Path) -> bool:

@@ -17,6 +17,7 @@ from onboard.planner.exploration.wall_imaging import Imaged, spots
 from onboard.planner.grid.deliberation import Grids
 from onboard.planner.grid.grid_map import Cell, GridMap, Mask
 from onboard.planner.grid.grid_reading import GridError, read, without_zones
+from onboard.planner.routing.destination import nearest_cells
 from onboard.planner.routing.path_following import Path
 from onboard.planner.routing.route_planning import cell_prices, cheapest_path
 from onboard.planner.routing.tour import PLACES_MAX, tours_m
@@ -113,6 +114,21 @@ class FindPath:
     def answer(self, grids: Grids) -> Path | None:
         grid = grids.of(self.revision)
         return cheapest_path(grid, self.pose, self.wanted, blocked_cells(grid, self.obstacles))
+
+
+@dataclass(frozen=True, slots=True)
+class FindPathBefore:
+    """Which path leads to where it can stand nearest to a place in a wall? The answer is None where none does."""
+
+    revision: int
+    pose: Pose2
+    place_m: tuple[float, float]
+    obstacles: Places
+
+    def answer(self, grids: Grids) -> Path | None:
+        grid = grids.of(self.revision)
+        wanted = nearest_cells(grid, self.place_m, _reachable(grid, self.pose))
+        return cheapest_path(grid, self.pose, wanted, blocked_cells(grid, self.obstacles)) if wanted else None
 
 
 @dataclass(frozen=True, slots=True)

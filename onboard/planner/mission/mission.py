@@ -27,7 +27,18 @@ from onboard.planner.mission.goal_choice import Goal, GoalChoice
 from onboard.planner.mission.leg import Leg
 from onboard.planner.mission.pending import Pending
 from onboard.planner.mission.state_log import StateLog
-from onboard.planner.mission.table import AT_REST, BLOCKED, GOING_HOME, ON_LEG, VISITING, Event, Mode, State, Step
+from onboard.planner.mission.table import (
+    AT_REST,
+    BLOCKED,
+    GOING_HOME,
+    GOING_TO_PLACE,
+    ON_LEG,
+    VISITING,
+    Event,
+    Mode,
+    State,
+    Step,
+)
 from onboard.planner.routing import destination
 from onboard.planner.routing.path_following import Path, arrived, rest_of, speed_along
 
@@ -264,7 +275,11 @@ class Mission:
         home = self.mode in GOING_HOME
         target = (0.0, 0.0) if home else self._target
         exact = home or view.grid.stands(*target)
-        route = yield from self.frontiers.route(view, destination.cells_at(view.grid, target, exact))
+        route = None
+        if self.mode in GOING_TO_PLACE and not exact:
+            route = yield from self.frontiers.route_before(view, target)
+        if route is None:
+            route = yield from self.frontiers.route(view, destination.cells_at(view.grid, target, exact))
         if route is not None:
             self._happens(Event.PATH)
             self.path = [*route[:-1], target] if exact else route

@@ -108,6 +108,7 @@ EXPLORING = (Mode.LOOK, Mode.STRAIGHT, Mode.ROUTE, Mode.IMAGE, Mode.ALONG_WALL)
 VISITING = (Mode.ROUTE, Mode.IMAGE)  # on the way to a place of its own choice, which it may defer
 ON_LEG = (Mode.STRAIGHT, Mode.ALONG_WALL)
 GOING_HOME = (Mode.HOME, Mode.HOME_BLOCKED, Mode.ALIGN)
+GOING_TO_PLACE = (Mode.GOTO, Mode.GOTO_BLOCKED)
 BLOCKED = (Mode.HOME_BLOCKED, Mode.GOTO_BLOCKED)
 AT_REST = (Mode.WAITING, Mode.DONE)
 ALL = tuple(Mode)
