@@ -15,7 +15,7 @@ from subprocess import SubprocessError
 from typing import Any
 
 import rclpy
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -55,6 +55,7 @@ class RclpyGraph:
         self._publishers: dict[str, Any] = {}
         self._goals: list[Goal] = []
         self._node.create_subscription(PoseStamped, "/goal_pose", self._take_goal, 10)
+        self._node.create_subscription(PoseWithCovarianceStamped, "/initialpose", self._refuse_pose, 10)
 
     def publish(self, sent: Sent) -> None:
         topic, message = sent
@@ -86,6 +87,10 @@ class RclpyGraph:
             _log.warning("not published topic=%s type=%s error=%s", topic, kind, error)
             return None
         return self._node.create_publisher(message_class, topic, _profile(topic))
+
+    def _refuse_pose(self, _: PoseWithCovarianceStamped) -> None:
+        """The mapping unit takes no pose from anybody; who sends one is to know."""
+        _log.warning("a pose was refused: the robot finds its place in the map by what it measures")
 
     def _take_goal(self, goal: PoseStamped) -> None:
         place = goal.pose.position

@@ -61,6 +61,7 @@ def main() -> None:
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s and not set(wanted) <= set(received):
         rclpy.spin_once(node, timeout_sec=0.1)
+    node.create_publisher(PoseWithCovarianceStamped, "/initialpose", 10).publish(PoseWithCovarianceStamped())
     for frame in ("odom", "map"):
         goal = PoseStamped()
         goal.header.frame_id = frame
