@@ -103,6 +103,14 @@ def test_letters_of_a_dark_plate_are_found_though_the_box_reaches_its_brighter_w
     assert result.capital * (CAPITAL_PX + 18) == pytest.approx(CAPITAL_PX, abs=2.5)
 
 
+def test_cover_that_lies_askew_on_a_line_is_seen_on_both_sides_of_it() -> None:
+    picture = drawn(("66", 55, 0))
+    ink = np.flatnonzero((picture < 128).any(axis=1))
+    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    picture[y < ink[0] + 7 + 0.08 * (x - 80)] = 150
+    assert check(cv2.GaussianBlur(picture, (0, 0), 1.0), "00").damage == "an edge close above"
+
+
 def test_light_that_falls_on_one_end_of_a_number_is_no_border() -> None:
     picture = drawn(("824", 55, 0)).astype(np.float64)
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]

@@ -16,9 +16,8 @@ import numpy.typing as npt
 from onboard.poi.signs.letters import Strokes
 
 BAND = (0.12, 0.4)  # off the letters: the ground on which an edge is looked for
-ASKEW = 0.15  # as far within the letters' end an edge that runs askew may be seen
-# Beyond that end: above and below it touches the letters; beside them another one may be hidden
-TOUCHING, BESIDE_FREE = 0.045, 0.15
+ASKEW = 0.15  # as far from the letters' end an edge that runs askew may be seen, and another letter be hidden
+TOUCHING = 0.045  # above and below an edge that hides something touches the letters
 BORDER = 0.5  # as far beyond both ends a plate's border is looked for
 ALIKE, SAME_STEP = 0.2, 0.35  # difference of the room on both sides (before a 1 it is wider), and of the two steps
 TALL = 0.6  # lower letters do not show where a line ends above
@@ -50,7 +49,8 @@ def edges_along(line: Strokes, capital: float) -> list[str]:
     found = [
         name
         for name, side in sides.items()
-        if _edge(side, line.contrast, capital, TOUCHING if name in ("above", "below") else BESIDE_FREE) is not None
+        if (edge := _edge(side, line.contrast, capital, ASKEW)) is not None
+        and (name in ("left", "right") or edge[0] < TOUCHING * capital)
     ]
     if ("left" in found or "right" in found) and _of_plate(sides["left"], sides["right"], line.contrast, capital):
         found = [name for name in found if name not in ("left", "right")]
