@@ -1,8 +1,9 @@
 """The perception of the POI module: poses, echoes and frames in, observations of doors and signs into the records.
 
 The cheap preview decides: where a door begins or ends, and whether something that may be a sign stands whole in the
-picture and is not settled yet. Only then it requests a full frame, at most one per FULL_SPACING_M, and sends the part
-around the candidate to the worker. Frames of a turning robot are skipped: they are blurred, and have no wall line.
+picture and is not settled yet. Only then it requests a full frame, at most one per FULL_SPACING_M (less near to a
+wall), and sends the part around the candidate to the worker. Frames of a turning robot are skipped: they are blurred,
+and have no wall line.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from onboard.poi.signs.sign_detection import Box, sign_candidates
 from onboard.poi.signs.site_numbers import SiteNumbers
 
 TURNING_RAD_S = 0.08  # above it previews blur and the sonar measures other walls
-FULL_SPACING_M = 0.12  # path between two full frames
+FULL_SPACING_M, FULL_SPACING_RAD = 0.12, 0.1  # path between two full frames, and over the distance of the wall
 STANDING_SPACING_S = 0.4  # between two full frames of a robot that holds: one per preview
 FRAME_AGE_MAX_S = 1.0  # an older preview is dropped
 POSE_WAIT_S = 0.25  # how long a frame waits for the pose after it
@@ -161,7 +162,7 @@ class Survey:
         self.imaged.add(pose, wall, camera)
         self.wall_m = wall.distance_m
         look_for_doors(image, camera, pose, wall, self._doors, self.records, self._driven_m, now_s)
-        spaced = self._driven_m - self._full_at_m >= FULL_SPACING_M
+        spaced = self._driven_m - self._full_at_m >= min(FULL_SPACING_M, FULL_SPACING_RAD * wall.distance_m)
         if holding:
             spaced = now_s - self._full_at_s >= STANDING_SPACING_S
         if not spaced or self.worker.pending >= JOBS_AT_ONCE:

@@ -111,6 +111,18 @@ def test_cover_that_lies_askew_on_a_line_is_seen_on_both_sides_of_it() -> None:
     assert check(cv2.GaussianBlur(picture, (0, 0), 1.0), "00").damage == "an edge close above"
 
 
+@pytest.mark.parametrize(
+    ("above_px", "below_px", "negative"), [(4, 9, True), (4, 30, True), (6, 3, False), (6, 6, True)]
+)
+def test_letters_are_found_whatever_is_beyond_a_narrow_plate(above_px: int, below_px: int, negative: bool) -> None:
+    picture = drawn(("11-109", 65, 0))
+    ink = np.flatnonzero((picture < 128).any(axis=1))
+    picture[: ink[0] - above_px] = picture[ink[-1] + 1 + below_px :] = 150
+    result = check(255 - picture if negative else picture, "11-109")
+    assert result.damage == ""
+    assert result.capital * (CAPITAL_PX + 18) == pytest.approx(CAPITAL_PX, abs=2.5)
+
+
 def test_light_that_falls_on_one_end_of_a_number_is_no_border() -> None:
     picture = drawn(("824", 55, 0)).astype(np.float64)
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]

@@ -165,6 +165,13 @@ def test_plate_that_is_settled_costs_no_further_frames() -> None:
     assert 2 <= story.wall.fulls <= 4
 
 
+def test_near_to_a_wall_photos_are_taken_at_shorter_distances(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(globals(), "WALL_M", 0.6)
+    story = Story([unclear()])
+    story.drive_to(PLATE_M + 0.2)
+    assert story.wall.fulls >= 5  # in the 0.4 m of path on which the plate is in view
+
+
 @pytest.mark.requirement("POI_MR_05")
 def test_plate_that_cannot_be_read_is_visited_again_and_photographed_standing() -> None:
     story = Story([unclear()] * 8 + [plate("304")])

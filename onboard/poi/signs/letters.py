@@ -83,8 +83,9 @@ def strokes(picture: Gray, margin: int, characters: int = 0, flat: int = 0) -> S
     m = round(margin * scale)
     inner = gray[m : m + ROWS, m : gray.shape[1] - m]
     level, _ = cv2.threshold(inner, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    rim = np.concatenate([inner[:5].ravel(), inner[-5:].ravel()])
-    dark = bool(np.count_nonzero(rim > level) >= rim.size / 2)
+    # Above and below the letters is their background, or what is beyond the plate; among them most is background
+    rim, middle = np.concatenate([inner[:5], inner[-5:]]), inner[ROWS // 4 : -ROWS // 4]
+    dark = bool(np.mean(rim > level) + np.mean(middle > level) >= 1.0)
     taken = _taken_apart(gray, m, dark, characters)
     high = max(characters - flat, 0)
     # The box may reach beyond a plate that is darker than its wall. One of many may be two that touch, or was not read
