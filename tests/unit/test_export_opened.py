@@ -79,6 +79,20 @@ def test_a_small_plan_is_one_page_of_a4_and_its_wall_has_the_right_length_within
     assert all(word in words for word in ("Hall", "IT Building", "scale 1:100", "page 1 of 1", "1<2", "Lab"))
 
 
+def test_an_inferred_wall_is_dashed_on_the_page(tmp_path: Path) -> None:
+    """The upper one of the hall's two is, and grey."""
+    pdf = exported(tmp_path, "pdf", hall())
+    stem = pdf.with_suffix("")
+    run_tool("poppler-utils", "pdftoppm", "-r", str(DPI), "-singlefile", pdf, stem)
+    grey = plan_part(np.asarray(Image.open(stem.with_suffix(".ppm")).convert("L")))
+    along = np.flatnonzero(walls_of(Image.fromarray(grey)).any(axis=0))
+    shares = (grey[:, along[0] : along[-1] + 1] < 200).mean(axis=1)  # of the walls' length, by rows
+    frame = np.flatnonzero(grey[:, along[0] - 2] < 200)  # its lines reach beyond the walls
+    drawn = np.delete(shares, frame)
+    assert drawn.max() > 0.95, "the wall that was echoed has no gap"
+    assert len(drawn[(drawn > 0.4) & (drawn < 0.85)]) >= 2
+
+
 def test_a_large_plan_is_an_overview_and_tiles_at_1_to_100_that_overlap_and_name_their_neighbours(
     tmp_path: Path,
 ) -> None:
