@@ -174,6 +174,9 @@ document.querySelector(".tools").onclick = ({ target }) => {
   const button = target.closest("[data-act]");
   if (button) act(button.dataset.act);
 };
+for (const part of document.querySelectorAll("details.modules")) {
+  part.ontoggle = () => part.open && part.scrollIntoView({ block: "nearest" });
+}
 addEventListener("keydown", key);
 addEventListener("beforeprint", () => paper.begin());
 addEventListener("afterprint", () => paper.end());

@@ -2,7 +2,7 @@
 
 const $ = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
-const [WIDTH, HEIGHT] = [120, 20]; // of a curve, in CSS pixels
+const [WIDTH, HEIGHT] = [78, 16]; // of a curve, in CSS pixels
 const MEMORY_KB = 1024;
 const GAP_S = 1; // a longer silence is said beside the share
 
@@ -31,7 +31,7 @@ export function showVitals({ vitals, state, clock }) {
 
 function reception(share, gap) {
   const percent = share === 1 ? "100" : Math.min(99, Math.floor(100 * share));
-  return gap > GAP_S ? `${percent} %, gap ${gap.toFixed(1)} s` : `${percent} %`;
+  return gap > GAP_S ? `${percent} %, gap ${gap.toFixed(gap < 10 ? 1 : 0)} s` : `${percent} %`;
 }
 
 // Memory and processor of one module as two curves and words; nothing before there are two samples
