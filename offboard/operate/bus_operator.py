@@ -21,7 +21,7 @@ from offboard.operate import operations
 from offboard.operate.door_sender import SENTENCES, DoorSender, OfDoor
 from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
-from offboard.operate.software_stop import look, robot_report
+from offboard.operate.software_stop import look, release_hindrance, robot_report
 from offboard.operate.stop_desk import StopDesk, StopSender
 
 _STEP_S = 0.05
@@ -38,12 +38,15 @@ class ClosableBus(Bus, Protocol):
 class OperatorView:
     """What to show of it: the stop (a name of `software_stop.Look`), the newest order's answer.
 
-    `hindrance`: why nothing can be ordered here, as one sentence; empty where it can.
+    `hindrance`: why nothing can be ordered here, as one sentence; empty where it can. `epoch`: of that stop;
+    `latched`: why it must not be released now, empty where it may.
     """
 
     stop: str = ""
     answer: str = ""
     hindrance: str = ""
+    epoch: int = 0
+    latched: str = ""
 
 
 class Operator(Protocol):
@@ -52,6 +55,7 @@ class Operator(Protocol):
     def open(self) -> None: ...
     def close(self) -> None: ...
     def stop(self) -> None: ...
+    def release(self, epoch: int) -> None: ...
     def operate(self, order: Order) -> None: ...
     def note_door(self, of_door: OfDoor) -> None: ...
 
@@ -62,6 +66,7 @@ class NoOperator:
     def open(self) -> None: ...
     def close(self) -> None: ...
     def stop(self) -> None: ...
+    def release(self, epoch: int) -> None: ...
     def operate(self, order: Order) -> None: ...
     def note_door(self, of_door: OfDoor) -> None: ...
 
@@ -91,6 +96,10 @@ class BusOperator:
 
     def stop(self) -> None:
         self._desk.press()
+
+    def release(self, epoch: int) -> None:
+        """Of the stop that a person saw, and of none that was pressed since."""
+        self._desk.release(epoch)
 
     def operate(self, order: Order) -> None:
         """A newer order replaces one that was not taken yet."""
@@ -124,7 +133,8 @@ class BusOperator:
         report = robot_report(bus, now_s)
         control = self._desk.receive(report, now_s)
         answer = self._note_door(bus, now_s) or self._operate(bus, now_s)
-        self._show(OperatorView(look(control, report, now_s).name, answer, ""))
+        stop, epoch = look(control, report, now_s), report.permit.stop_epoch
+        self._show(OperatorView(stop.name, answer, "", epoch, release_hindrance(control, report, now_s)))
 
     def _operate(self, bus: Bus, now_s: float) -> str:
         """Sends the order until it is answered; the sentence about it."""

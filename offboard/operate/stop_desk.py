@@ -57,10 +57,12 @@ class StopDesk:
         with self._lock:
             return release_hindrance(self._control, self._report, self._clock())
 
-    def release(self) -> None:
+    def release(self, epoch: int | None = None) -> None:
+        """`epoch`: only of this stop, which a person saw some time ago."""
         with self._lock:
             before = self._control
-            self._control = release_requested(before, self._report, self._clock())
+            if epoch is None or epoch == self._report.permit.stop_epoch:
+                self._control = release_requested(before, self._report, self._clock())
             new = self._control is not before
         if new:
             self.changed.set()

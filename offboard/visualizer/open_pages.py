@@ -19,7 +19,7 @@ from offboard.visualizer import protocol
 from offboard.visualizer.feed import Feed, Held
 from offboard.visualizer.guards import is_of_host, is_own
 from offboard.visualizer.outbound import HEARTBEAT_PERIOD_S, Outbound
-from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, Release, Replay, Stop, parse
 
 PAGES_MAX = 32  # the other connections are for files, photos and exports
 
@@ -119,6 +119,8 @@ class OpenPages:
                     self._playback.show(request.at_s, request.speed)
                 elif isinstance(request, Stop):
                     self._operator.stop()
+                elif isinstance(request, Release):
+                    self._operator.release(request.epoch)
                 elif isinstance(request, OfDoor):
                     self._operator.note_door(request)
                 else:

@@ -19,7 +19,7 @@ from common.zones import KIND_OF
 from offboard.operate.door_sender import OfDoor
 from offboard.operate.operations import Order
 
-STOP, DOOR = "stop", "door"
+STOP, RELEASE, DOOR = "stop", "release", "door"
 _OPERATIONS = {operation.value: operation for operation in Operation}
 
 
@@ -41,6 +41,13 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
+class Release:
+    """Of the software stop that the page showed."""
+
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
 class Replay:
     """A recorded run from this moment on (None: from where it is), so many times as fast; 0 stands."""
 
@@ -48,7 +55,7 @@ class Replay:
     speed: float
 
 
-def parse(text: str, token: str) -> Confirmation | Order | OfDoor | Stop | Replay:
+def parse(text: str, token: str) -> Confirmation | Order | OfDoor | Release | Stop | Replay:
     """`token`: what an order must carry; with an empty one none but a stop is taken. Raises BadRequest."""
     try:
         message = json.loads(text)
@@ -75,12 +82,14 @@ def _confirmation(message: dict[str, Any]) -> Confirmation:
     return Confirmation(received, _number(at_s))
 
 
-def _order(message: dict[str, Any], token: str) -> Order | OfDoor | Stop:
+def _order(message: dict[str, Any], token: str) -> Order | OfDoor | Release | Stop:
     name, given = message["order"], message.get("token")
     if name == STOP:
         return Stop()
     if not token or not isinstance(given, str) or not hmac.compare_digest(given.encode(), token.encode()):
         raise BadRequest("no right to give orders")
+    if name == RELEASE:
+        return Release(_count(message.get("epoch"), "stop"))
     if name == DOOR:
         return _of_door(message)
     if not isinstance(name, str) or name not in _OPERATIONS:
@@ -91,7 +100,7 @@ def _order(message: dict[str, Any], token: str) -> Order | OfDoor | Stop:
     if operation in KIND_OF:
         return Order(operation, corners_m=_corners(message.get("corners_m")))
     if operation is Operation.REMOVE_ZONE:
-        return Order(operation, zone=_count(message.get("zone")))
+        return Order(operation, zone=_count(message.get("zone"), "line or area"))
     return Order(operation)
 
 
@@ -123,9 +132,9 @@ def _corners(given: Any) -> tuple[tuple[float, float], ...]:
     return tuple(_place(*corner) for corner in given)
 
 
-def _count(value: Any) -> int:
+def _count(value: Any, what: str) -> int:
     if type(value) is not int or not 0 <= value < 2**53:
-        raise BadRequest("no number of a line or area")
+        raise BadRequest(f"no number of a {what}")
     return value
 
 

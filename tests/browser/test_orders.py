@@ -40,6 +40,9 @@ class Orders:
     def stop(self) -> None:
         self.taken.append(("stop",))
 
+    def release(self, epoch: int) -> None:
+        self.taken.append(("release", epoch))
+
     def note_door(self, of_door: OfDoor) -> None:
         self.noted.append(of_door)
 
@@ -137,6 +140,28 @@ def test_lines_and_areas_are_drawn_by_clicks_shown_as_the_robot_reports_and_remo
     page.keyboard.press("Escape")
     expect(page.locator("#drawn")).to_be_hidden()
     assert len(orders.given) == 2
+
+
+def test_a_stop_is_released_by_a_typed_word_and_only_the_one_that_was_shown(
+    robot: Robot, orders: Orders, visit: Open
+) -> None:
+    seen = visit(robot)
+    seen.until_live(robot)
+    page = seen.page
+    form = page.locator("#release")
+    expect(form).to_be_hidden()
+    robot.feed.take_operator(OperatorView("LATCHED", epoch=7, latched="The button on the robot is pressed."))
+    expect(form).to_contain_text("The button on the robot is pressed.")
+    expect(form.get_by_role("button")).to_be_disabled()
+    robot.feed.take_operator(OperatorView("LATCHED", epoch=7))
+    form.get_by_role("textbox").fill("yes")
+    form.get_by_role("textbox").press("Enter")
+    expect(form).to_contain_text("the word is release")
+    form.get_by_role("textbox").fill("Release")
+    form.get_by_role("button").click()
+    seen.until(lambda: orders.taken == [("release", 7)], "the release")
+    robot.feed.take_operator(OperatorView("RELEASED", epoch=7))
+    expect(form).to_be_hidden()
 
 
 def test_a_door_is_put_right_and_named_in_its_dialog(robot: Robot, orders: Orders, visit: Open) -> None:

@@ -27,6 +27,7 @@ from offboard.operate.software_stop import (
     request,
     updated,
 )
+from offboard.operate.stop_desk import StopDesk
 
 GRANTED = Permit(0.0, True, "", stop_epoch=4)
 LATCHED = Permit(0.0, False, "stopped by operator", (SOURCE,), stop_epoch=5, stop_ids=(7,), resumed=False)
@@ -167,3 +168,13 @@ def test_wheels_that_turn_under_a_latched_stop_are_told() -> None:
     text = bar_text(Snapshot(10.3, report=turning))
     assert text.headline == "LATCHED – wheels turn, speed 0.12"
     assert "red button" in text.detail
+
+
+def test_a_release_from_afar_counts_for_the_stop_that_was_seen_and_for_no_newer_one() -> None:
+    desk = StopDesk(lambda: 10.3)
+    desk.receive(STOPPED, 10.3)
+    desk.release(4)
+    assert desk.control.demand is Demand.NONE, "somebody pressed since"
+    desk.release(5)
+    assert desk.control.demand is Demand.RELEASE
+    assert desk.control.epoch == 5

@@ -13,9 +13,16 @@ from hypothesis import strategies as st
 from common.messages.mission import Operation
 from offboard.operate.door_sender import OfDoor
 from offboard.operate.operations import Order
-from offboard.visualizer.requests import BadRequest, Confirmation, Replay, Stop, parse
+from offboard.visualizer.requests import BadRequest, Confirmation, Release, Replay, Stop, parse
 
 TOKEN = "secret"
+
+
+def test_a_release_names_the_stop_that_was_seen_and_needs_the_token() -> None:
+    assert parse(json.dumps({"order": "release", "epoch": 7, "token": TOKEN}), TOKEN) == Release(7)
+    for wrong in ({"token": ""}, {"epoch": None}, {"epoch": -1}, {"epoch": "7"}):
+        with pytest.raises(BadRequest):
+            parse(json.dumps({"order": "release", "epoch": 7, "token": TOKEN} | wrong), TOKEN)
 
 
 def test_what_is_said_of_a_door_comes_with_its_place() -> None:

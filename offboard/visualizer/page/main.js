@@ -13,6 +13,7 @@ import { Panel } from "./panel.js";
 import { PoiDialog } from "./poi_dialog.js";
 import { PoiList } from "./poi_list.js";
 import { Orders } from "./orders.js";
+import { ReleaseForm } from "./release_form.js";
 import { place } from "./poi_text.js";
 import { Paper } from "./paper.js";
 import { ScreenScale } from "./screen_scale.js";
@@ -46,6 +47,7 @@ const orders = new Orders(model, {
     gestures.pick(onPick);
   },
 });
+const releaseForm = new ReleaseForm(orders);
 const zones = new Zones(map, orders, (onPick) => gestures.pick(onPick));
 const timeline = new Timeline(model, (message) => link.send(message));
 const log = new LogList(model, (at_s) => timeline.jump(at_s));
@@ -93,7 +95,10 @@ function take(channel, message) {
   if (channel === "playback" || channel === "moments") timeline.showMoments();
   if (channel === "alerts" || channel === "hello") alerts.show();
   if (channel === "operator" || channel === "hello") orders.show();
-  if (["operator", "hello", "zones"].includes(channel)) zones.show();
+  if (["operator", "hello", "zones"].includes(channel)) {
+    zones.show();
+    releaseForm.show();
+  }
   const drawn = DRAWN[channel];
   if (drawn) map.draw(drawn === "below");
 }
@@ -193,6 +198,7 @@ const link = new Link({
     panel.show();
     orders.show();
     zones.show();
+    releaseForm.show();
     map.draw(false);
   },
   held: () => model.held,

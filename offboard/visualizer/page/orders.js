@@ -7,7 +7,7 @@ const $ = (id) => document.getElementById(id);
 const STOPS = {
   IDLE: ["Stop", "Software stop. The button on the robot is the emergency stop."],
   SENT: ["Stop sent", "Not confirmed yet: use the button on the robot."],
-  LATCHED: ["Stopped", "The robot holds the stop and stands. Release it in the Command Center, or by the verb release; then resume."],
+  LATCHED: ["Stopped", "The robot holds the stop and stands. Release it here, in the Command Center, or by the verb release; then resume."],
   UNKNOWN: ["Stop", "The robot does not know yet which stop its board holds."],
   RELEASED: ["Stop", "The stop is released; nothing moves before a resume."],
   LINK_LOST: ["Stop", "The robot is not received: use the button on the robot."],
