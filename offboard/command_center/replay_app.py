@@ -15,7 +15,7 @@ from typing import ClassVar
 
 from textual.binding import BindingType
 
-from common.errors import StartError
+from common.errors import StartError, sentence
 from common.messages.topics import TOPICS
 from offboard.command_center.app import CommandCenterApp
 from offboard.command_center.bindings import (
@@ -67,28 +67,36 @@ class ReplayApp(CommandCenterApp, inherit_bindings=False):
 
     def pull(self) -> None:
         now_s = self._clock()
-        self.player.advance(now_s - self._before_s)
-        self._before_s = now_s
+        passed_s, self._before_s = now_s - self._before_s, now_s
+        self._of_run(lambda: self.player.advance(passed_s))
         self.node = self.player.node
         super().pull()
         if self.main.is_mounted:
             self.main.timeline.show(self.player.at_s, self.player.duration_s, self.player.moments)
             self.main.log_view.show_until(self.player.at_s)
 
+    def _of_run(self, read: Callable[[], None]) -> None:
+        """A database that turns out to be damaged ends it with one sentence."""
+        try:
+            read()
+        except StartError as error:
+            self.exit(return_code=2, message=f"indoor-mapping: {sentence(error)}")
+
     def call_for_help(self, snapshot: Snapshot) -> None:
         """What happened then calls nobody."""
 
     def jump(self, at_s: float) -> None:
-        self.player.jump(at_s)
+        self._of_run(lambda: self.player.jump(at_s))
         self.pull()
         self._pull_map()
 
     def show_messages(self, topics: frozenset[str]) -> None:
-        self.main.log_view.fill(self.player.entries(topic for topic in TOPICS if topic.key in topics))
+        shown = [topic for topic in TOPICS if topic.key in topics]
+        self._of_run(lambda: self.main.log_view.fill(self.player.entries(shown)))
         self.pull()
 
     def action_play(self) -> None:
-        self.player.play()
+        self._of_run(self.player.play)
         self.pull()
 
     def action_change_speed(self, steps: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -206,6 +207,18 @@ async def test_no_key_of_the_live_screen_orders_anything(run: Path, tmp_path: Pa
         assert app.node.stop_desk.control.since_s == 0.0
         assert app.node.snapshot().operation is None
         assert app.player.playing, "a click on the bar plays"
+
+
+@piloted
+async def test_a_database_that_turns_out_to_be_damaged_ends_it_with_one_sentence(run: Path, tmp_path: Path) -> None:
+    """Where a message lies is known; what it holds is read when it is shown."""
+    damaged = Path(shutil.copytree(run, tmp_path / "damaged"))
+    async with opened(damaged, tmp_path) as (app, pilot, _):
+        app.player._reader._database.close()
+        await pilot.press("less_than_sign")
+        await pilot.pause()
+        assert app.return_code == 2
+        assert not app.is_running
 
 
 @pytest.mark.parametrize("size", SIZES, ids="{0[0]}x{0[1]}".format)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from math import cos, inf, pi, radians, sin
 from pathlib import Path
 
@@ -11,10 +12,13 @@ import pytest
 from common.geometry import Pose2, rigid_fit, wrap_angle
 from common.messages.topics import MAP, POSE, TRAJECTORY
 from deploy.cli import main
+from offboard.command_center.run_player import RunPlayer
 from offboard.replay.range_log import RangeLogError, read_range_log
 from offboard.runs.map_assembly import MapAssembly
 from offboard.runs.run_database import RunReader
 from offboard.runs.run_folder import read_map_points, read_tum
+from offboard.runs.run_schema import RunDatabase
+from offboard.visualizer.run_view import recorded_run
 
 BEARINGS_DEG = (90.0, 45.0, 0.0, -45.0, -90.0, 70.0, -70.0)
 ROOM = ((-2.0, 12.0), (-1.5, 5.0))  # x and y of its walls
@@ -175,8 +179,8 @@ def test_beams_of_a_carmen_log_are_those_of_its_laser(tmp_path: Path, kind: str)
 
 def test_how_the_map_grew_is_recorded_in_the_log_s_time_and_ends_as_the_files_have_it(tmp_path: Path) -> None:
     log, out = written(tmp_path / "log.csv"), tmp_path / "out"
-    for _ in range(2):  # a second replay replaces the first
-        assert main(["replay", str(log), "--out", str(out)]) == 0
+    RunDatabase(out / "run.sqlite", None, recorder_id=7).close()  # of an earlier one, which is replaced
+    assert main(["replay", str(log), "--out", str(out)]) == 0
     with RunReader(out) as run:
         poses, updates = list(run.messages(POSE)), list(run.messages(MAP))
         paths = list(run.messages(TRAJECTORY))
@@ -199,3 +203,26 @@ def test_how_the_map_grew_is_recorded_in_the_log_s_time_and_ends_as_the_files_ha
     near = np.array([np.hypot(*(walls_m - point).T).min() for point in some])
     assert np.percentile(near, 95) < 0.2
     assert len(paths) > 2
+
+
+def test_page_and_terminal_play_how_the_map_grew(tmp_path: Path) -> None:
+    log, out = written(tmp_path / "log.csv"), tmp_path / "out"
+    assert main(["replay", str(log), "--out", str(out)]) == 0
+    player = RunPlayer(out)
+    page = recorded_run(out)
+    assert page.playback is not None
+    page.playback.open()
+    try:
+        whole = len(player.node.floor_picture().walls_m)
+        middle_s = player.duration_s / 2
+        player.jump(middle_s)
+        half = len(player.node.floor_picture().walls_m)
+        assert 0.1 * whole < half < 0.9 * whole
+        page.playback.show(middle_s, 0.0)
+        end_s = time.monotonic() + 20.0
+        while len(page.feed.map_data().points_m) != half:
+            assert time.monotonic() < end_s, "the page shows that moment too"
+            time.sleep(0.02)
+    finally:
+        page.playback.close()
+        player.close()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import zlib
+from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable
+from importlib.util import find_spec
 from math import inf, nan, pi
 from typing import Any
 
@@ -12,7 +14,9 @@ import numpy as np
 import pytest
 
 from common.bus import LocalMesh
+from common.config import Config
 from common.config_file import ConfigError, parse_config
+from common.errors import StartError
 from common.grid_cells import FREE, WALL
 from common.messages.mapping import GridUpdate, PoseEstimate, Trajectory
 from common.messages.mission import Operation
@@ -22,6 +26,7 @@ from common.messages.topics import GRID, POI, POSE, RANGES, STATUS, TRAJECTORY
 from offboard.export.ros_messages import STORE, Sent, serialized, type_of
 from offboard.operate.bus_operator import OperatorView
 from offboard.operate.operations import Order
+from offboard.ros.__main__ import make_ros
 from offboard.ros.driven_path import POSES_MAX, DrivenPath
 from offboard.ros.ros import Goal, Ros
 from offboard.ros.wall_time import WallTime
@@ -258,3 +263,9 @@ def test_the_process_runs_only_where_it_is_named() -> None:
     assert "ros" in parse_config(named).processes
     with pytest.raises(ConfigError, match="visualizer"):
         parse_config('[laptop]\nprocesses = ["recorder", "command_center", "ros"]')
+
+
+@pytest.mark.skipif(find_spec("rclpy") is not None, reason="ROS is installed")
+def test_without_ros_the_process_ends_with_one_sentence_that_names_what_installs_it() -> None:
+    with pytest.raises(StartError, match=r"needs rclpy.*indoor-mapping\[ros\]"):
+        make_ros(Config(), Namespace())
