@@ -7,7 +7,6 @@ and photos stream to the open page.
 
 from __future__ import annotations
 
-import statistics
 import tempfile
 import threading
 import time
@@ -192,7 +191,7 @@ def pose_to_pixel(browser: Browser, count: int) -> None:
     late_s = [at_ms / 1000.0 - ahead_s - published[x_m] for x_m, at_ms in shown if x_m in published]
     if len(late_s) < count / 2:
         raise BenchFailed(f"only {len(late_s)} of {count} poses were drawn")
-    print(f"pose to pixel: {percentiles(late_s)}, median {1000 * statistics.median(late_s):.1f} ms of {len(late_s)}")
+    print(f"pose to pixel: {percentiles(late_s)} of {len(late_s)}")
     print(f"its server, with one page: {100 * share:.1f} % of a core", flush=True)
 
 

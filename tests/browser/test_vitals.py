@@ -36,7 +36,9 @@ def is_pink(pixel: list[int]) -> bool:
     return opacity > 80 and red > blue + 20 > green + 60
 
 
-def test_every_sonar_that_received_an_echo_has_its_ray(robot: Robot, visit: Open) -> None:
+def test_every_sonar_that_received_an_echo_has_its_ray_and_the_doubt_of_the_pose_its_size(
+    robot: Robot, visit: Open
+) -> None:
     """The robot at (1, 1) looks along x: left is up."""
     robot.floor()
     robot.feed.take(POSE, PoseEstimate(0.0, 1.0, 1.0, 0.0, 0.0, 0.02, 0.01, 1))
@@ -52,13 +54,6 @@ def test_every_sonar_that_received_an_echo_has_its_ray(robot: Robot, visit: Open
     assert pink(1.0, 0.4), "to the right"
     assert not pink(1.6, 1.6), "where nothing answered"
     assert not pink(3.4, 1.0), "beyond the echo"
-    robot.late_s += 5.0
-    seen.until(lambda: not pink(3.0, 1.0), "old echoes being gone")
-
-
-def test_how_sure_the_robot_is_of_its_place_is_a_circle_of_that_size(robot: Robot, visit: Open) -> None:
-    robot.floor()
-    seen = visit(robot)
 
     def shown(sd_xy_m: float, x_m: float) -> bool:
         robot.feed.take(POSE, PoseEstimate(0.0, 1.0, 1.0, 0.0, 0.0, sd_xy_m, 0.01, 1))
@@ -67,6 +62,8 @@ def test_how_sure_the_robot_is_of_its_place_is_a_circle_of_that_size(robot: Robo
     behind = 1.0 - 0.22 - 0.5  # half a metre behind the robot
     seen.until(lambda: shown(0.30, behind), "the circle of 0.6 m around it")
     seen.until(lambda: not shown(0.20, behind), "the circle of 0.4 m around it")
+    robot.late_s += 5.0
+    seen.until(lambda: not pink(3.0, 1.0), "old echoes being gone")
 
 
 def test_battery_speed_time_and_reception_stand_beside_the_map(robot: Robot, visit: Open) -> None:
@@ -102,6 +99,7 @@ def test_battery_speed_time_and_reception_stand_beside_the_map(robot: Robot, vis
     until("reception", "9[0-9] %")
 
 
+@pytest.mark.slow
 def test_a_modules_last_ten_minutes_are_two_curves_and_words(robot: Robot, visit: Open) -> None:
     for k in range(61):
         robot.late_s += 10.1
@@ -120,6 +118,7 @@ def view(**changes: Any) -> PlannerView:
     return dataclasses.replace(PlannerView(0.0, "FOLLOW", "following a hall", nowhere, 3, 40.0), **changes)
 
 
+KNOWN = "import('./main.js').then(({ model }) => model.alerts !== null)"
 RUNG = "import('./main.js').then(() => window.rung ?? 0)"
 COUNTED = "() => { window.rung = 0; AudioContext.prototype.resume = () => { window.rung++; }; }"
 
@@ -149,16 +148,7 @@ def test_the_end_is_called_in_the_pages_title_and_a_notice_with_no_sound_unless_
     robot.feed.take(STATUS["bridge"], Status(0.0, "RUN", ErrorCode.BATTERY_LOW, 100, True, 1))
     expect(notice).to_contain_text("the battery is low → charge the battery")
     assert seen.page.evaluate(RUNG) == before + 1
-
-
-def test_what_is_so_already_when_the_page_is_opened_calls_nobody(robot: Robot, visit: Open) -> None:
-    robot.floor()
-    robot.feed.take(PLAN, view(mode="DONE", outcome=Outcome.NEEDS_HELP))
-    seen = visit(robot)
-    seen.until_live(robot)
-    expect(seen.page.locator("#phases")).to_be_visible()
-    seen.until(
-        lambda: seen.page.evaluate("import('./main.js').then(({ model }) => model.alerts !== null)"), "the state"
-    )
-    expect(seen.page).to_have_title("robot1 · Indoor Mapping")
-    expect(seen.page.locator("#notice")).to_be_hidden()
+    later = visit(robot)
+    later.until(lambda: robot.pose() or later.page.evaluate(KNOWN), "the state of the mission")
+    expect(later.page).to_have_title("robot1 · Indoor Mapping")
+    expect(later.page.locator("#notice")).to_be_hidden()  # what is so already calls nobody

@@ -75,10 +75,10 @@ def test_each_run_has_its_page_photos_and_exports_at_its_own_address(server: Pag
         assert page.of_channel("map")[0]["total"] == 160
 
 
-@pytest.mark.parametrize("name", ["wednesday", "notes", "..%2Felsewhere", "..", "%00", "monday%2F..%2Ftuesday"])
-def test_nothing_but_the_runs_of_that_folder_is_served(server: PageServer, name: str) -> None:
-    assert get(server, f"run/{name}/export/map.csv")[0] == 404
-    assert get(server, f"thumbnails/{name}.png")[0] == 404
+def test_nothing_but_the_runs_of_that_folder_is_served(server: PageServer) -> None:
+    for name in ("wednesday", "notes", "..%2Felsewhere", "..", "%00", "monday%2F..%2Ftuesday"):
+        assert get(server, f"run/{name}/export/map.csv")[0] == 404, name
+        assert get(server, f"thumbnails/{name}.png")[0] == 404, name
 
 
 def test_another_run_lies_over_one(server: PageServer) -> None:
