@@ -187,6 +187,16 @@ def test_plate_is_a_candidate_and_a_bare_wall_is_none() -> None:
     assert sign_candidates(np.full((480, 640), 230, np.uint8), camera, 1.0) == []
 
 
+@pytest.mark.parametrize("light", [0.2, 0.5, 1.0])
+def test_plate_in_a_noisy_picture_is_a_candidate_and_the_noise_is_none(light: float) -> None:
+    camera, noise = CameraModel(640, 480), np.random.default_rng(1).normal(0.0, 8.0, (480, 640))
+    gray, bare = (np.clip(light * g + noise, 0, 255).astype(np.uint8) for g in (
+        cv2.cvtColor(plate_picture(), cv2.COLOR_BGR2GRAY), np.full((480, 640), 230)))  # fmt: skip
+    boxes = sign_candidates(gray, camera, 1.0)
+    assert any(box.centre_px == pytest.approx((323, 207), abs=40) for box in boxes)
+    assert sign_candidates(bare, camera, 1.0) == []
+
+
 def test_sharper_photo_ranks_higher_by_every_measure() -> None:
     sharp, blurred = (sharpness(cv2.cvtColor(plate_picture(b), cv2.COLOR_BGR2GRAY)[150:270, 250:400]) for b in (0, 3))
     assert sharp.gradient > blurred.gradient

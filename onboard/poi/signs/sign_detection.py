@@ -17,7 +17,9 @@ from onboard.poi.camera.frame import Gray
 SIGN_LOW_M, SIGN_HIGH_M = 1.15, 1.85  # above the floor
 WIDTH_M = (0.03, 0.45)  # of a block of text on a sign
 HEIGHT_M = (0.015, 0.30)
-STROKE = 45.0  # smallest step of brightness, by Sobel, that counts as a stroke
+SMOOTHING_PX = 0.8  # of the picture before strokes are looked for
+STROKE, STROKE_MIN = 40.0, 12.0  # smallest step of brightness, by Sobel, that counts as a stroke: in light, in the dark
+NOISE_TIMES = 5.0  # and over the usual step of the wall
 MERGE_M = 0.030  # strokes that belong together
 DENSITY_MIN = 0.08  # share of strokes in the pixels of a box
 MARGIN_M = 0.02  # to the border of the picture: what is cut off is not worth reading
@@ -49,7 +51,10 @@ def sign_candidates(gray: Gray, camera: CameraModel, depth_m: float) -> list[Box
     strip = gray[top:bottom]
     # Light differs by an order of magnitude between halls: steps count relative to the wall's brightness
     level = max(_median(strip), 20.0) / 200.0
-    strokes = (np.abs(cv2.Sobel(strip, cv2.CV_16S, 1, 0)) > max(STROKE * level, 25.0)).astype(np.uint8)
+    steps = np.abs(cv2.Sobel(cv2.GaussianBlur(strip, (0, 0), SMOOTHING_PX), cv2.CV_16S, 1, 0))
+    # A dark hall's picture is noisy, and noise everywhere is no text
+    least = max(STROKE * level, STROKE_MIN, NOISE_TIMES * _median(cv2.convertScaleAbs(steps)))
+    strokes = (steps > least).astype(np.uint8)
     merge_px = max(3, round(MERGE_M / m_per_px))
     merged = cv2.morphologyEx(strokes, cv2.MORPH_CLOSE, np.ones((max(3, merge_px // 2), merge_px), np.uint8))
     count, _, stats, _ = cv2.connectedComponentsWithStats(merged)
