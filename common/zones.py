@@ -1,7 +1,7 @@
 """What a person drew on the map: no-go lines and areas, and areas outside of which the robot must not be. Pure.
 
 Messages <-> values, and plain geometry. The hull never touches a line or an area, and never leaves the union of the
-areas to explore alone, where there is one.
+areas to stay in, where there is one.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ KIND_OF = {
     Operation.ONLY_HERE: ZoneKind.ONLY,
 }
 ZONE_OPERATIONS = (*KIND_OF, Operation.REMOVE_ZONE)
-TITLES = {ZoneKind.LINE: "no-go line", ZoneKind.AREA: "no-go area", ZoneKind.ONLY: "area to explore alone"}
+TITLES = {ZoneKind.LINE: "no-go line", ZoneKind.AREA: "no-go area", ZoneKind.ONLY: "area to stay in"}
 
 Corner = tuple[float, float]
 Mask = npt.NDArray[np.bool_]
@@ -134,7 +134,7 @@ def sides_of(zones: Iterable[Zone]) -> FloatArray:
 
 
 def keeps_out(zones: Sequence[Zone], points: Points) -> Mask:
-    """(N,) which of the points (N, 2) lie in a no-go area, or outside of all areas to explore alone."""
+    """(N,) which of the points (N, 2) lie in a no-go area, or outside of all areas to stay in."""
     out, inside_one, alone = np.zeros(len(points), bool), np.zeros(len(points), bool), False
     for zone in zones:
         if zone.kind is ZoneKind.AREA:

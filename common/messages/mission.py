@@ -96,7 +96,7 @@ class OperatorCommand:
 
 @dataclass(frozen=True, slots=True)
 class Zones:
-    """All no-go lines and areas, and all areas to explore alone, that count now (common/zones.py)."""
+    """All no-go lines and areas, and all areas to stay in, that count now (common/zones.py)."""
 
     t_s: Seconds
     numbers: ZoneNumbers

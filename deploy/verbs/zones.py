@@ -1,4 +1,4 @@
-"""Verb `zone`: no-go lines and areas, and areas to explore alone, drawn, removed and listed from the command line."""
+"""Verb `zone`: no-go lines and areas, and areas to stay in, drawn, removed and listed from the command line."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ HELP: dict[str, str] = {
     "resume": "Go on after a pause or a released stop.",
     "home": "Give the rest of the list up and drive home.",
     "goto": "Drive to a door by its number, or to X,Y in metres.",
-    "zone": "Draw or remove no-go lines and areas, and areas to explore alone.",
+    "zone": "Draw or remove no-go lines and areas, and areas to stay in.",
     "search": "Show only lines that match a regular expression.",
     "level": "Show lines from this level on.",
     "module": "Show one module only: that of the marked row, then the next, then all. The bridge logs for sim and car.",

@@ -1,4 +1,4 @@
-"""No-go lines and areas, and areas to explore alone: by the true pose the hull stays out, and it says what it left."""
+"""No-go lines and areas, and areas to stay in: by the true pose the hull stays out, and it says what it left."""
 
 from __future__ import annotations
 

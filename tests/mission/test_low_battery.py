@@ -11,6 +11,7 @@ import pytest
 
 from common.constants import BATTERY_LOW_V
 from common.messages.mission import Operation, Outcome
+from offboard.simulator.run.options import floor_path
 from tests.mission.story import Story
 
 Tell = Callable[..., Story]
@@ -48,3 +49,22 @@ def test_an_empty_battery_ends_everything_on_the_board(hall: Path, tell: Tell, t
     story.run(5.0)
     assert story.world.truth.distance_m(stopped) < 0.05
     assert not story.granted()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("floor", ["straight", "loop"])
+def test_a_dying_battery_sends_the_robot_home_on_the_project_s_own_floors(
+    floor: str, tell: Tell, tmp_path: Path
+) -> None:
+    """Some minutes on two cores."""
+    empty_s = 420.0
+    story = tell(floor_path(floor), seed=1, events=dying(tmp_path, empty_s))
+    began = story.world.truth
+    story.start()
+    assert story.until(story.ended, empty_s)
+    assert story.view().outcome is Outcome.LOW_BATTERY
+    assert story.carrier().battery_v > BATTERY_LOW_V
+    truth = story.world.truth
+    print(f"{floor}: home after {story.now_s:.0f} s of {empty_s:.0f} s, {story.carrier().battery_v:.2f} V")
+    assert hypot(truth.x_m - began.x_m, truth.y_m - began.y_m) < 0.5

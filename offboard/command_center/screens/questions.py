@@ -150,7 +150,7 @@ class GotoScreen(GuardedModal[tuple[float, float]]):
 
 
 class ZoneScreen(GuardedModal[Order]):
-    """A no-go line or area, or one to explore alone, by its corners; or the number of one to be removed."""
+    """A no-go line or area, or an area to stay in, by its corners; or the number of one to be removed."""
 
     heading = "No-go lines and areas"
 

@@ -1,4 +1,4 @@
-// No-go lines and areas, and areas to explore alone: shown on the map, drawn by clicks on it, removed in a list. What
+// No-go lines and areas, and areas to stay in: shown on the map, drawn by clicks on it, removed in a list. What
 // counts is what the planner reports (common/zones.py).
 
 const CORNERS_MIN = { "no-go-line": 2, "no-go-area": 3, "only-here": 3 };
