@@ -123,6 +123,22 @@ def test_letters_are_found_whatever_is_beyond_a_narrow_plate(above_px: int, belo
     assert result.capital * (CAPITAL_PX + 18) == pytest.approx(CAPITAL_PX, abs=2.5)
 
 
+def test_dash_before_a_number_that_was_not_read_is_damage() -> None:
+    picture = drawn(("-6.96", 65, 0))
+    assert check(picture, "-6.96").damage == ""
+    assert check(picture, "6.96").damage == "a dash that was not read"
+
+
+def test_letters_much_lower_than_their_box_are_to_be_read_in_one_that_fits() -> None:
+    font = font_for_capitals("DejaVu Sans", 12)
+    picture = Image.new("L", (200, 48 + 2 * MARGIN_PX), WHITE)
+    ImageDraw.Draw(picture).text((60, MARGIN_PX + 20 - font.getbbox("H")[1]), "-6.96", font=font, fill=BLACK)
+    top, bottom = check(np.asarray(picture, np.uint8), "6.96").rows
+    assert 0.2 < top < 20 / 48
+    assert 32 / 48 < bottom < 0.9
+    assert check(drawn(("824", 55, 0)), "824").rows == (0.0, 1.0)
+
+
 def test_light_that_falls_on_one_end_of_a_number_is_no_border() -> None:
     picture = drawn(("824", 55, 0)).astype(np.float64)
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from onboard.poi.signs.cover_edges import TOUCHING, edges_along
-from onboard.poi.signs.letters import LOW, ROWS, Letter, Strokes
+from onboard.poi.signs.letters import CAPITAL_MIN, LOW, ROWS, Letter, Strokes
 
 BESIDE_FREE, ABOVE_FREE = 0.2, 0.15  # room beside the outer letters; above and below all of them
 NEAR = 0.08  # as far as blur reaches
@@ -35,6 +35,8 @@ NARROW = 0.62  # share of the usual digit's width; "1" is left out
 FAINT = 0.45  # share of the usual letter's contrast
 RUNNING_TOGETHER = 0.6  # letters per character: from there on each letter is not seen by itself
 ICON_GAP, ICON_HEIGHT, ICON_OFF = 0.25, 1.15, 0.16  # a pictogram beside the line: apart, higher, or not on its foot
+DASH_MAX, DASH_BETWEEN = 0.3, (0.3, 0.75)  # height of a dash, and where its middle is, from above
+FRAME = 0.35  # around letters in a box that fits them
 ROOM = 0.9  # between the letters and an end of their box, which reaches about 0.3 beyond them
 BLOCK = 0.5  # step of the background there, share of the letters' contrast
 UNREAD_GAP = 0.4  # beside a letter that was not read
@@ -58,11 +60,13 @@ class Checked:
     """`capital`: height of digits and capitals, share of the box. `damage`: why the reading may not be the whole text.
 
     `parts`: begin and end, shares of the box, of what has to be read by itself; empty when the line is of one piece.
+    `rows`: the same from above, where the letters are so much lower than their box that small strokes are lost.
     """
 
     capital: float
     damage: str = ""
     parts: tuple[tuple[float, float], ...] = ()
+    rows: tuple[float, float] = (0.0, 1.0)
 
 
 def checked(line: Strokes, characters: Sequence[Character]) -> Checked:
@@ -75,7 +79,15 @@ def checked(line: Strokes, characters: Sequence[Character]) -> Checked:
     high = [a.height for a, c in zip(own, letters, strict=True) if c.text in _DIGITS or c.text.isupper()] if own else []
     capital = float(np.median(high)) if high else line.capital
     parts = _parts(line, capital, len(letters), spaces)
-    return Checked(capital / ROWS, _damage(line, capital, own, letters, spaces), parts)
+    return Checked(capital / ROWS, _damage(line, capital, own, letters, spaces), parts, _rows(line, capital))
+
+
+def _rows(line: Strokes, capital: float) -> tuple[float, float]:
+    if capital >= CAPITAL_MIN * ROWS:
+        return 0.0, 1.0
+    _, _, top, bottom = _extent(line, capital)
+    above, below = ((end - line.margin) / ROWS for end in (top - FRAME * capital, bottom + FRAME * capital))
+    return max(above, 0.0), min(below, 1.0)
 
 
 def _letter_of_each(line: Strokes, characters: Sequence[Character]) -> tuple[Letter, ...] | None:
@@ -149,7 +161,18 @@ def _damage(
         return "something runs through the letters"
     if len(line.letters) == 1 and len(characters) > 1:
         return "no letters apart"
+    if len(line.letters) > len(characters) and any(
+        _is_dash(letter, top, capital) and character.text not in FLAT
+        for letter, character in ((line.letters[0], characters[0]), (line.letters[-1], characters[-1]))
+    ):
+        return "a dash that was not read"
     return _covered(line, capital) or _missing(line, capital, own, characters, spaces) or _uneven(line, own, characters)
+
+
+def _is_dash(letter: Letter, top: float, capital: float) -> bool:
+    """A stroke about the middle of the letters: "-1.05" and "1.05" are two rooms."""
+    low, high = (top + share * capital for share in DASH_BETWEEN)
+    return letter.height < DASH_MAX * capital and low < letter.y + letter.height / 2 < high
 
 
 def _extent(line: Strokes, capital: float) -> tuple[float, float, float, float]:

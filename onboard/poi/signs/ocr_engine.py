@@ -85,10 +85,9 @@ class SignReader:
         confidence, turn, corners, picture, margin, characters = max(views, key=lambda view: view[0])
         letters, flat = sum(not c.text.isspace() for c in characters), sum(c.text in FLAT for c in characters)
         check = checked(strokes(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), margin, letters, flat), characters)
-        if whole and check.parts:
-            return [
-                line for part in check.parts for line in self._lines_in(image, _between(corners, *part), whole=False)
-            ]
+        if whole and (check.parts or check.rows != (0.0, 1.0)):
+            boxes = [_part(corners, columns, check.rows) for columns in check.parts or ((0.0, 1.0),)]
+            return [line for box in boxes for line in self._lines_in(image, box, whole=False)]
         text = "".join(c.text for c in characters)
         damage = check.damage
         if turn and all(c in TURNED for c in text.upper()):
@@ -117,9 +116,11 @@ def _size(corners: Corners) -> tuple[float, float]:
     return max(hypot(*(b - a)), hypot(*(c - d)), 1.0), max(hypot(*(d - a)), hypot(*(c - b)), 1.0)
 
 
-def _between(corners: Corners, begin: float, end: float) -> Corners:
-    """The part of a box between two shares of its width."""
+def _part(corners: Corners, columns: tuple[float, float], rows: tuple[float, float]) -> Corners:
+    """The part of a box between two shares of its width, and two of its height."""
     a, b, c, d = corners
+    upper, lower = ((a + row * (d - a), b + row * (c - b)) for row in rows)
+    (begin, end), ((a, b), (d, c)) = columns, (upper, lower)
     return np.array([a + begin * (b - a), a + end * (b - a), d + end * (c - d), d + begin * (c - d)], np.float32)
 
 
