@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from common.clock import FreeClock
 from common.codec import encode
 from common.config_file import config_text
 from common.constants import PERMIT_RATE_HZ
@@ -25,9 +26,12 @@ from common.messages.motion import DriveCommand, Speed
 from common.messages.stop import Permit, StopRequest
 from common.messages.topics import DRIVE, MAP, OPERATION, PERMIT, PLAN, STATUS, STOP, Topic
 from common.reply_budget import BURST_BYTES, RATE_BYTES_S
+from common.zenoh_bus import ZenohBus
 from common.zenoh_session import Channel, direct, session_config
 from offboard.command_center.log_book import LogEntry
-from offboard.operate.operations import Answer
+from offboard.operate.bus_operator import BusOperator, OperatorView
+from offboard.operate.door_sender import SENTENCES, OfDoor
+from offboard.operate.operations import Answer, Order
 from offboard.operate.software_stop import SOURCE
 from offboard.runs.run_database import RunReader
 from tests.system.center import Center
@@ -184,6 +188,43 @@ def test_the_rightful_command_center_starts_stops_and_releases_the_robot_over_tl
         return {STOP.key, OPERATION.key, "mmu/status", "command_center/status"} <= keys
 
     until(recorded, what="the robot's and the laptop's messages in the database")
+
+
+@pytest.mark.requirement("CC_MR_04")
+def test_a_page_with_the_keys_stops_releases_and_notes_a_door_over_tls(keyed: KeyedMesh) -> None:
+    keyed.go()
+    views = [OperatorView()]
+    operator = BusOperator(lambda: ZenohBus("command_center", keyed.config, FreeClock(), "client"), views.append)
+    operator.open()
+    try:
+        operator.stop()
+        until(lambda: views[-1].stop == "LATCHED" and not views[-1].latched, what="a stop that may be released")
+        assert keyed.standing
+        operator.release(views[-1].epoch)
+        until(lambda: views[-1].stop == "RELEASED", what="the release")
+        assert keyed.standing
+        operator.operate(Order(Operation.RESUME))
+        until(lambda: not keyed.standing, what="motion")
+        operator.note_door(OfDoor(3, 5.0, 1.0, "241", "Kitchen"))
+        until(lambda: views[-1].answer == SENTENCES[Answer.TAKEN], what="the recorder's answer")
+    finally:
+        operator.close()
+
+
+def test_a_page_without_the_keys_of_the_command_center_says_so_and_orders_nothing(
+    keyed: KeyedMesh, tmp_path: Path
+) -> None:
+    shutil.copytree(keyed.keys / "laptop", tmp_path / "laptop")
+    config = replace(keyed.config, mesh=replace(keyed.config.mesh, keys=str(tmp_path)))
+    views = [OperatorView()]
+    operator = BusOperator(lambda: ZenohBus("command_center", config, FreeClock(), "client"), views.append)
+    operator.open()
+    try:
+        until(lambda: views[-1].hindrance, what="the reason")
+        assert "command_center" in views[-1].hindrance
+        assert views[-1].stop == "LINK_LOST"
+    finally:
+        operator.close()
 
 
 def test_a_viewers_certificate_sees_the_robot_and_moves_nothing(keyed: KeyedMesh) -> None:
