@@ -90,6 +90,8 @@ def test_battery_speed_time_and_reception_stand_beside_the_map(robot: Robot, vis
         seen.until(there, f"{name} as {text}")
 
     until("left", "≈ 3 min")
+    robot.feed.take(PLAN, view(halls_open=4))
+    until("left", "[0-9]+ to [0-9]+ min")
     until("speed-now", r"0\.20 m/s")
     until("reception", "100 %")
     until("battery", r"11\.8 V")

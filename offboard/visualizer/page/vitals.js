@@ -11,16 +11,23 @@ function set(element, text) {
 }
 
 // In steps that nobody takes for exact
-function roughly(seconds) {
-  if (seconds < 90) return `≈ ${Math.max(10, 10 * Math.round(seconds / 10))} s`;
+function roughly(seconds, size) {
+  if (size < 90) return [Math.max(10, 10 * Math.round(seconds / 10)), "s"];
   const minutes = seconds / 60;
-  return minutes < 90 ? `≈ ${minutes < 10 ? Math.round(minutes) : 5 * Math.round(minutes / 5)} min` : `≈ ${Math.round(minutes / 60)} h`;
+  return [minutes < 10 ? Math.max(1, Math.round(minutes)) : 5 * Math.round(minutes / 5), "min"];
 }
 
-export function showVitals({ vitals, state, clock }) {
+// While it explores nobody knows how much is left: half and double of what it seems are as likely
+function timeLeft(seconds, exploring) {
+  if (!exploring) return `≈ ${roughly(seconds, seconds).join(" ")}`;
+  const [low] = roughly(seconds / 2, 2 * seconds), [high, unit] = roughly(2 * seconds, 2 * seconds);
+  return `${low} to ${high} ${unit}`;
+}
+
+export function showVitals({ vitals, state, clock, mission }) {
   const live = state === "live";
   const now = (value, text) => (live && value !== null && value !== undefined ? text(value) : "–");
-  set($("left"), now(vitals?.left_s, roughly));
+  set($("left"), now(vitals?.left_s, (seconds) => timeLeft(seconds, mission?.stage === "explore")));
   set($("speed-now"), now(vitals?.speed_m_s, (speed) => `${speed.toFixed(2)} m/s`));
   const volts = vitals?.battery_v ?? null;
   set($("battery"), volts === null ? "–" : `${volts.toFixed(1)} V${vitals.battery_low ? " low" : ""}`);
