@@ -24,6 +24,7 @@ export class Alerts {
   show() {
     const { alerts, robot, recorded } = this.model;
     if (!this.calling) document.title = robot ? `${robot} · Indoor Mapping` : "Indoor Mapping";
+    $("sound").hidden = Boolean(recorded); // of what is over nobody is called
     if (recorded || !alerts) return;
     const now = seconds();
     const news = Object.keys(alerts).filter((key) => this.seen && now - (this.seen[key] ?? -Infinity) > QUIET_S);
