@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from common.geometry import FloatArray
+from common.geometry import FloatArray, wrap_angles
 from offboard.replay.carmen_log import line_kinds, read_carmen
 from offboard.replay.csv_log import read_csv
 from offboard.replay.log_clock import MOVED_M, steady
 from offboard.replay.log_odometry import Mask, Trust, in_radians
 from offboard.replay.log_scans import Lines, LogText, RangeLogError, ReadOptions, Scans
+from offboard.replay.range_delay import poses_at, range_delay_s
 
 __all__ = ["RangeLog", "RangeLogError", "read_range_log"]
 
@@ -132,6 +133,13 @@ def _judged(text: LogText, scans: Scans) -> RangeLog:
             int(scans.lines[begun[0]]),
             f"here and {len(begun) - 1} times more odometry does not go on; it must be in metres and radians",
         )
+    delay_s = 0.0 if len(begun) else range_delay_s(times_s, poses, ranges_m, np.array(scans.bearings_rad))
+    if delay_s:
+        notes.append(
+            f"the ranges are {delay_s:.2f} s older than the odometry beside them; each was put to that of its time"
+        )
+        poses = poses_at(times_s, poses, delay_s)
+        poses[:, 2] = wrap_angles(poses[:, 2])
     sentences = tuple(f"{text.path}, {note}." for note in notes)
     centre_m = scans.laser.as_array()[:2]
     return RangeLog(times_s, poses, ranges_m, scans.bearings_rad, scans.lines, goes_on, centre_m, sentences)

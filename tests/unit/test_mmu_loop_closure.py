@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose2
+from onboard.mmu.back_end.back_end import BackEnd
+from onboard.mmu.back_end.exchange import Increment
 from onboard.mmu.back_end.keyframe_graph import CLOSURE_M, KIDNAPPED_M, KeyframeGraph
-from onboard.mmu.back_end.loop_closure import ADOPTED_CHI2_MAX, Attempt
+from onboard.mmu.back_end.loop_closure import ADOPTED_CHI2_MAX, Attempt, LoopClosure
 from onboard.mmu.back_end.map_builder import deferred_back_end
-from onboard.mmu.back_end.odometry_noise import GYRO_LED
+from onboard.mmu.back_end.odometry_noise import GYRO_LED, WHEELS_ALONE
 from onboard.mmu.front_end.scan_matching import Match
 from onboard.mmu.map.keyframes import Keyframe, ObservationStore
 from onboard.mmu.slam import Slam
 from tests.unit.test_mmu_faults import fed, reports
 
+CENTRE = Pose2(0.0, 0.0, 0.0)
 GOOD = Match(Pose2(0.1, 0.0, 0.0), np.eye(3), overlap=0.8, rms_m=0.03, score=0.7, ambiguity=0.4)
 
 
@@ -96,3 +99,36 @@ def test_a_stretch_is_as_long_as_its_echoes_are_few() -> None:
     assert np.ptp(few.newest(30.0, 5.0, 12.0, 20)[:, 1]) == pytest.approx(9.5, abs=0.6)
     assert np.ptp(few.newest(30.0, 5.0, 12.0, 200)[:, 1]) == pytest.approx(11.5, abs=0.6)
     assert len(ObservationStore().newest(30.0, 5.0, 12.0, 20)) == 0
+
+
+def judged(verdicts: str) -> LoopClosure:
+    """After loop closures that the graph agreed with (+) or not (-), each 15 m of path after what it closes on."""
+    keyframes = straight(40)
+    closure = LoopClosure(keyframes)
+    for i, verdict in enumerate(verdicts):
+        measured = Pose2(15.0, 0.0 if verdict == "+" else 3.0, 0.0)
+        keyframes.graph.loop_closures.add(i, i + 15, measured, np.diag([0.1**-2, 0.1**-2, 0.02**-2]))
+        closure._added.append(Attempt(i, i + 15, 100, GOOD))
+        closure.adopt()
+    return closure
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "contradicted"),
+    [("", False), ("---++++++++", False), ("+-+-+-+-+-", False), ("++------", True), ("++++++++------", True)],
+)
+def test_odometry_is_contradicted_by_most_loop_closures_not_by_a_few_wrong_ones(
+    verdicts: str, contradicted: bool
+) -> None:
+    assert judged(verdicts).contradicted == contradicted
+
+
+def test_a_back_end_that_trusts_no_gyro_yet_begins_anew_where_loop_closures_contradict_odometry(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    back_end = BackEnd(gyro_led=False)
+    monkeypatch.setattr(LoopClosure, "contradicted", True)
+    lines = back_end.take(Increment((Keyframe(0.0, CENTRE, 0.0, 0.0, 0.0, 0.0),), np.zeros((0, 6)), np.zeros((0, 6))))
+    assert [line for line in lines.log_lines if "odometry distrusted: most loop closures" in line]
+    assert back_end._keyframes.noise is WHEELS_ALONE
+    assert len(back_end._keyframes) == 1

@@ -195,15 +195,3 @@ def test_a_graph_without_factors_is_at_rest(nodes: int) -> None:
         graph.add_node(Pose2(float(i), 0.0, 0.0))
     assert graph.optimise() == 0.0
     assert graph.poses.shape == (nodes, 3)
-
-
-def test_without_its_constraints_a_graph_keeps_poses_and_odometry() -> None:
-    graph, truth = square()
-    close(graph, truth, 0, 4 * SIDE)
-    graph.wall_directions.add(1, graph.add_wall(0.0), 0.0, radians(1.0))
-    graph.begin_with(PRIOR)
-    assert len(graph) == 4 * SIDE + 1
-    assert len(graph.odometry) == 4 * SIDE
-    assert sum(graph.mark()) == 0
-    assert len(graph.calibration.wall_normals_rad) == 0
-    assert graph.worst_chi2(graph.mark()) == 0.0

@@ -63,7 +63,19 @@ def test_the_heading_is_right_whether_odometry_turns_away_or_not(turn_deg_per_m:
     assert np.degrees(np.ptp(headings[-20:])) < 4.0
 
 
-def judged(monkeypatch: pytest.MonkeyPatch, turns_deg_per_m: list[float]) -> KeyframeGraph:
+def test_that_no_gyro_leads_holds_for_all_that_was_driven_until_it_showed() -> None:
+    """The back end begins anew, and comes out where one that knew it from the start does."""
+    found_out, known = BackEnd(gyro_led=False), BackEnd(gyro_led=False)
+    known._begin(WHEELS_ALONE)
+    lines: list[str] = []
+    for increment in drive(radians(4.0), 20.0):
+        correction, expected = found_out.take(increment), known.take(increment)
+        lines += correction.log_lines
+    assert [line for line in lines if "walls turn" in line]
+    assert correction.poses == pytest.approx(expected.poses, abs=1e-9)
+
+
+def walls_turn(monkeypatch: pytest.MonkeyPatch, turns_deg_per_m: list[float]) -> bool:
     """After walls seemed to turn by so much, one stretch after the other."""
     turns = iter(turns_deg_per_m)
     monkeypatch.setattr("onboard.mmu.back_end.sequential_matching.apparent_turn", lambda *_: radians(next(turns)))
@@ -72,14 +84,14 @@ def judged(monkeypatch: pytest.MonkeyPatch, turns_deg_per_m: list[float]) -> Key
     for i in range(len(turns_deg_per_m)):
         path_m = (i + 1) * TURN_PATH_M
         keyframes.add(Keyframe(path_m, Pose2(path_m, 0.0, 0.0), path_m, path_m, 0.0, 0.0), prior_map=False)
-        matching.judge_odometry()
-    return keyframes
+        matching.measure_turn()
+    return matching.walls_turn
 
 
 def test_walls_that_turn_this_way_and_that_leave_a_gyro_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
     """In a hall full of things each stretch seems to turn, and by chance a few one way."""
-    assert judged(monkeypatch, [-0.5, 4.5, 3.9, -1.1, 5.0, 0.6, 3.1, -2.2, 4.4, 0.8]).noise is UNKNOWN
+    assert not walls_turn(monkeypatch, [-0.5, 4.5, 3.9, -1.1, 5.0, 0.6, 3.1, -2.2, 4.4, 0.8])
 
 
 def test_walls_that_all_turn_one_way_show_that_no_gyro_leads(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert judged(monkeypatch, [-3.1, -2.4, -3.8, -3.0, -2.7]).noise is WHEELS_ALONE
+    assert walls_turn(monkeypatch, [-3.1, -2.4, -3.8, -3.0, -2.7])

@@ -3,6 +3,8 @@
 1. Odometry joins the keyframes in the pose graph (`keyframe_graph`).
 2. Constraints are searched for: `sequential_matching`, `wall_association`, `walls_ahead`, `loop_closure`.
 3. The graph is optimised when it gained a constraint that pulls.
+
+Where it turns out that no gyro leads odometry, all of it begins anew with what was received until then.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from math import degrees
 from onboard.mmu.back_end.exchange import Correction, Increment
 from onboard.mmu.back_end.keyframe_graph import KeyframeGraph
 from onboard.mmu.back_end.loop_closure import LoopClosure
-from onboard.mmu.back_end.odometry_noise import GYRO_LED, UNKNOWN
+from onboard.mmu.back_end.odometry_noise import GYRO_LED, UNKNOWN, WHEELS_ALONE, OdometryNoise
 from onboard.mmu.back_end.pose_graph import Mark
 from onboard.mmu.back_end.sequential_matching import SequentialMatching
 from onboard.mmu.back_end.wall_association import WallAssociation
@@ -29,16 +31,17 @@ class BackEnd:
     """`gyro_led` false: it is not known whether a gyro leads odometry's heading, and found out from the walls."""
 
     def __init__(self, gyro_led: bool = True) -> None:
-        self._keyframes = KeyframeGraph(GYRO_LED if gyro_led else UNKNOWN)
-        self._sequential = None if gyro_led else SequentialMatching(self._keyframes)
-        self._loop_closure = LoopClosure(self._keyframes)
-        self._matched_m = 0.0
-        self._logged_m = 0.0
-        self._begin_walls()
+        self._received: list[Increment] = []  # as long as it is not known
+        self._begin(GYRO_LED if gyro_led else UNKNOWN)
 
-    def _begin_walls(self) -> None:
+    def _begin(self, noise: OdometryNoise) -> None:
+        self._keyframes = KeyframeGraph(noise)
+        self._sequential = None if noise is GYRO_LED else SequentialMatching(self._keyframes)
+        self._loop_closure = LoopClosure(self._keyframes)
         self._walls = WallAssociation(self._keyframes)
         self._walls_ahead = WallsAhead(self._keyframes, self._walls)
+        self._matched_m = 0.0
+        self._logged_m = 0.0
 
     @property
     def echoes(self) -> ObservationStore:
@@ -47,34 +50,53 @@ class BackEnd:
 
     def take(self, increment: Increment) -> Correction:
         """One round of work on what is new."""
+        log_lines = self._take_in(increment)
+        if self._keyframes.noise is UNKNOWN:
+            self._received.append(increment)
+            log_lines += self._judge_odometry()
+        graph = self._keyframes.graph
+        return Correction(
+            graph.poses,
+            float(graph.calibration.drift_rad_per_m[-1]),
+            graph.calibration.turn_scale_error,
+            self._loop_closure.count,
+            self._keyframes.closure_path_m,
+            log_lines=tuple(log_lines),
+        )
+
+    def _judge_odometry(self) -> list[str]:
+        """Begins anew where no gyro leads odometry, as the walls beside the path or the loop closures show."""
+        if self._sequential is not None and self._sequential.walls_turn:
+            reason = "walls turn as the robot drives along them"
+        elif self._loop_closure.contradicted:
+            reason = "most loop closures contradict it"
+        else:
+            return []
+        lines = [f"odometry distrusted: {reason}, so no gyro leads the heading"]
+        received, self._received = self._received, []
+        self._begin(WHEELS_ALONE)
+        for increment in received:
+            lines += self._take_in(increment)
+        return lines
+
+    def _take_in(self, increment: Increment) -> list[str]:
+        """Lines for the log."""
         keyframes = self._keyframes
-        log_lines: list[str] = []
         for keyframe in increment.keyframes:
             keyframes.add(keyframe, increment.prior_map)
         keyframes.echoes.append(increment.echoes)
         if increment.prior_map:
             self._matched_m = keyframes.closure_path_m = keyframes.path_m
         elif len(keyframes):
-            log_lines += self._constrain(increment)
-        graph = keyframes.graph
-        return Correction(
-            graph.poses,
-            float(graph.calibration.drift_rad_per_m[-1]),
-            graph.calibration.turn_scale_error,
-            self._loop_closure.count,
-            keyframes.closure_path_m,
-            log_lines=tuple(log_lines),
-        )
+            return self._constrain(increment)
+        return []
 
     def _constrain(self, increment: Increment) -> list[str]:
         """Search for constraints between what is new and what is known, and optimise the graph; lines for the log."""
-        lines: list[str] = []
-        if self._sequential is not None and self._sequential.judge_odometry():
-            self._begin_walls()
-            lines.append("odometry distrusted: walls turn as the robot drives along them, so no gyro leads the heading")
         mark = self._keyframes.graph.mark()
         self._walls_ahead.observe(increment.ranges_to_wall)
         if self._sequential is not None:
+            self._sequential.measure_turn()
             self._sequential.match_newest()
         self._settle(mark)
         if self._keyframes.path_m - self._matched_m >= MATCH_EVERY_M:
@@ -84,7 +106,7 @@ class BackEnd:
             self._loop_closure.search()
             self._settle(mark)
             self._loop_closure.adopt()
-        return [*lines, *self._loop_closure.take_log(), *self._calibration_line()]
+        return [*self._loop_closure.take_log(), *self._calibration_line()]
 
     def _observe_walls(self) -> None:
         self._walls_ahead.forget_old()

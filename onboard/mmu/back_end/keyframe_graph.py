@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
-from onboard.mmu.back_end.odometry_noise import WHEELS_ALONE, OdometryNoise
+from onboard.mmu.back_end.odometry_noise import OdometryNoise
 from onboard.mmu.back_end.pose_factors import RelativePoseFactors
 from onboard.mmu.back_end.pose_graph import PoseGraph
 from onboard.mmu.front_end.scan_matching import Match, register
@@ -90,13 +90,6 @@ class KeyframeGraph:
         self._edges.append((node - 1, node, lost_m))
         self.graph.odometry.add(node - 1, node, measured, information, travel_m, turn_rad, stretch)
         self._keyframes.append(keyframe)
-
-    def distrust_odometry(self) -> None:
-        """No gyro leads its heading: the constraints that relied on it are dropped."""
-        self.noise = WHEELS_ALONE
-        self.graph.begin_with(WHEELS_ALONE.calibration)
-        for row in self.graph.odometry.rows:
-            row["information"] = WHEELS_ALONE.information(row["path_m"], row["turn_rad"])
 
     def register(
         self, mine: FloatArray, other: FloatArray, node: int, search_m: float, search_rad: float

@@ -6,6 +6,7 @@ graph has settled with it, that of its chi-squared. `take_log` reports each with
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from math import radians
 
@@ -30,6 +31,11 @@ RMS_MAX_M = 0.07
 POINTS_MIN = 25
 AMBIGUITY_MAX = 0.9  # score of the second-best place over that of the best
 ADOPTED_CHI2_MAX = 12.0  # at rest; a larger one means that the graph does not agree. (99.3 % of right ones, 3 dof)
+
+# Loop closures that odometry's noise allows pass the last gate, but for wrong ones. Logs of wheels with a gyro lost at
+# most four of any ten, three of them in a row; one of wheels alone eight in a row
+JUDGED = 8
+CONTRADICTED_MIN = 6  # of the newest ones judged
 
 # A match is trusted no further than the sonars' systematic errors
 MATCH_SD_M = 0.07
@@ -79,6 +85,7 @@ class LoopClosure:
         self.count = 0  # of those that were added
         self._keyframes = keyframes
         self._added: list[Attempt] = []  # and not judged yet
+        self._judged: deque[bool] = deque(maxlen=JUDGED)  # whether each was adopted
         self._log: list[str] = []  # two lines at most for each search
 
     def search(self) -> None:
@@ -117,6 +124,12 @@ class LoopClosure:
             if good:
                 self._keyframes.close_loop(attempt.anchor, attempt.node)
         self._added = []
+        self._judged += adopted
+
+    @property
+    def contradicted(self) -> bool:
+        """The graph agrees with few of the newest loop closures: odometry is worse than its noise says."""
+        return self._judged.count(False) >= CONTRADICTED_MIN
 
     def take_log(self) -> tuple[str, ...]:
         """A line for each loop closure that was tried since the last call."""

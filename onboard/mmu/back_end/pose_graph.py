@@ -39,14 +39,9 @@ class PoseGraph:
 
     def __init__(self, prior: CalibrationPrior) -> None:
         self._poses = GrowingRows(shape=(3,))
+        self.prior = prior
         self.calibration = Calibration()
         self.odometry = OdometryFactors()
-        self.begin_with(prior)
-
-    def begin_with(self, prior: CalibrationPrior) -> None:
-        """Nodes, odometry and calibration states stay; constraints and walls are dropped. `prior` holds from now on."""
-        self.prior = prior
-        self.calibration = replace(self.calibration, wall_normals_rad=np.zeros(0))
         self.sequential_matches = SequentialMatchFactors()
         self.heading_changes = HeadingChangeFactors()
         self.loop_closures = LoopClosureFactors()

@@ -36,16 +36,6 @@ MATCH_SD_M = 0.05  # neighbouring stretches overlap and measure the same twice
 MATCH_SD_RAD = radians(2.0)
 
 
-@dataclass(frozen=True, slots=True)
-class HeadingChange:
-    """Between two nodes the robot turned by `turn_rad`, as the walls show it."""
-
-    first: int
-    second: int
-    turn_rad: float
-    sd_rad: float
-
-
 def _scatter(turns: Sequence[float]) -> float:
     """Standard deviation of one measurement of the turn, rad/m: TURN_SD_RAD_PER_M until these show another."""
     mean = sum(turns) / len(turns)
@@ -58,41 +48,36 @@ class SequentialMatching:
     _keyframes: KeyframeGraph
     _turns: deque[float] = field(default_factory=lambda: deque(maxlen=TURNS_KEPT))  # of walls, rad/m
     _measured_m: float = 0.0  # path up to which the turn of walls was measured
-    # Until it is known whether a gyro leads odometry
-    _waiting: deque[HeadingChange] = field(default_factory=lambda: deque(maxlen=TURNS_KEPT))
 
     def match_newest(self) -> None:
         """Registers the newest stretch onto the one before it, where no gyro leads odometry."""
         if self._keyframes.noise is WHEELS_ALONE:
-            while self._waiting:
-                change = self._waiting.popleft()
-                self._keyframes.graph.heading_changes.add(change.first, change.second, change.turn_rad, change.sd_rad)
             self._register_newest()
 
-    def judge_odometry(self) -> bool:
-        """Measures the newest turn: the robot turned as the walls beside it seem to, the other way round.
+    @property
+    def walls_turn(self) -> bool:
+        """As the robot drives along them, by more than chance: no gyro leads odometry."""
+        turns = self._turns
+        return len(turns) >= TURNS_MIN and abs(sum(turns)) > TURN_SIGMAS * _scatter(turns) * len(turns) ** 0.5
 
-        True where that showed that no gyro leads odometry.
-        """
+    def measure_turn(self) -> None:
+        """The newest one: the robot turned as the walls beside it seem to, the other way round."""
         keyframes = self._keyframes
         if keyframes.path_m - self._measured_m < TURN_PATH_M:
-            return False
+            return
         rows = keyframes.echoes.stretch(self._measured_m, keyframes.path_m)
         first = int(np.searchsorted(keyframes.paths_m, self._measured_m))
         node, self._measured_m = len(keyframes) - 1, keyframes.path_m
         raw_rad = keyframes.measured_headings_rad
         turn_rad_per_m = apparent_turn(rows[:, 1], rows[:, 4] + raw_rad[rows[:, 0].astype(int)])
         if turn_rad_per_m is None:
-            return False
+            return
+        self._turns.append(turn_rad_per_m)
+        if keyframes.noise is not WHEELS_ALONE:
+            return
         path_m = keyframes.paths_m[node] - keyframes.paths_m[first]
         turn_rad = wrap_angle(raw_rad[node] - raw_rad[first] - turn_rad_per_m * path_m)
-        self._waiting.append(HeadingChange(first, node, turn_rad, TURN_SD_RAD_PER_M * path_m))
-        self._turns.append(turn_rad_per_m)
-        in_question = keyframes.noise is not WHEELS_ALONE and len(self._turns) >= TURNS_MIN
-        if in_question and abs(sum(self._turns)) > TURN_SIGMAS * _scatter(self._turns) * len(self._turns) ** 0.5:
-            keyframes.distrust_odometry()
-            return True
-        return False
+        keyframes.graph.heading_changes.add(first, node, turn_rad, TURN_SD_RAD_PER_M * path_m)
 
     def _register_newest(self) -> None:
         keyframes = self._keyframes
