@@ -87,7 +87,7 @@ def _off_m(poses: FloatArray, ranges_m: FloatArray, bearings_rad: FloatArray) ->
         theirs, paths_m = theirs[seen], np.broadcast_to(path_m[:, None], seen.shape)[seen]
         distance_m, index = tree.query(np.column_stack([theirs, paths_m]), distance_upper_bound=NEAR_M)
         found = np.isfinite(distance_m)
-        index = index[found]
+        index = np.asarray(index)[found]
         to = theirs[found] - middles[index]
         across_m = np.abs((to * normals[index]).sum(axis=1))
         along_m = np.abs(to[:, 1] * normals[index, 0] - to[:, 0] * normals[index, 1])
