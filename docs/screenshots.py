@@ -25,8 +25,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PIL import Image
-
 from deploy.bench.browser import chromium
 
 if TYPE_CHECKING:
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).resolve().parent
 FLOOR, SPEED = "loop", 1  # at another pace the rates that the terminal shows are not those of a robot
-DOORS = 6  # are found when the pictures are taken
+DOORS = 5  # are found when the pictures are taken
 VIEWPORT = {"width": 1440, "height": 900}
 COLUMNS, ROWS = 150, 42  # of the terminal
 TERMINAL_S = 15  # after which the Command Center's picture is taken
@@ -130,12 +128,6 @@ def take_terminal(browser: Browser, picture: Path) -> None:
     page.close()
 
 
-def in_few_colours(picture: Path) -> None:
-    """A palette takes a third of the space. Made by their number, thin lines would take other colours."""
-    flat = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    flat.save(picture, optimize=True)
-
-
 def main() -> None:
     with tempfile.TemporaryDirectory(prefix="indoor-mapping-") as name, chromium() as browser:
         folder, picture = Path(name) / "run", Path(name) / "terminal.svg"
@@ -147,8 +139,6 @@ def main() -> None:
             with command_center(folder, picture):
                 take_page(browser, address)
         take_terminal(browser, picture)
-    for made in (*DOCS.glob("page-*.png"), DOCS / "command_center.png"):
-        in_few_colours(made)
 
 
 if __name__ == "__main__":
