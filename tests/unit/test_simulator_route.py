@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import cos, sin
 
 import numpy as np
@@ -17,9 +18,15 @@ from offboard.simulator.run.route import CENTRELINES, ROUTES, WALLS, planned_rou
 from offboard.simulator.run.wall_route import Looks
 
 
+@cache
 def route_of(floor: Floor, name: str) -> tuple[FloatArray, Looks]:
     start = floor.starts[0]
-    return planned_route(name, floor, FreeFloor(floor), np.array([start.x_m, start.y_m]))
+    return planned_route(name, floor, free_floor(floor), np.array([start.x_m, start.y_m]))
+
+
+@cache
+def free_floor(floor: Floor) -> FreeFloor:
+    return FreeFloor(floor)
 
 
 @pytest.mark.parametrize("route", ROUTES)
