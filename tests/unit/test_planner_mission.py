@@ -297,6 +297,23 @@ def test_a_long_pause_does_not_cost_the_entry_of_the_list_that_was_under_way() -
     assert drive.mission.mode is Mode.ROUTE
 
 
+def test_a_lost_path_to_an_entry_of_the_list_is_found_anew_and_no_other_entry_chosen() -> None:
+    side = [(1.0, 2.0, 9.0, 4.0), (3.0, 1.5, 5.0, 2.0)]
+    walls = [(1.0, 4.0, 9.0, 4.1), (1.0, 1.9, 3.0, 2.0), (5.0, 1.9, 9.0, 2.0), (0.9, 1.9, 1.0, 4.1)]
+    drive = Drive(drawn(side, walls), Pose2(2.0, 3.0, 0.0))
+    drive.mission.start(drive.pose, drive.now_s)
+    assert drive.until(Mode.ROUTE, 60.0)
+    where = drive.mission.path[-1]
+    choices = len(drive.mission.log.take())
+    drive.mission.path = []
+    while not drive.mission.path:
+        drive.step()
+    assert drive.mission.mode is Mode.ROUTE
+    assert np.hypot(*np.subtract(drive.mission.path[-1], where)) < 0.5
+    assert choices
+    assert drive.mission.log.take() == []
+
+
 def test_the_first_look_takes_its_time_whatever_the_clock_says() -> None:
     drive = Drive(hall(closed=False), Pose2(4.0, 2.0, 0.0))
     drive.mission.start(drive.pose, drive.now_s)

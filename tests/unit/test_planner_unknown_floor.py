@@ -32,7 +32,7 @@ def listed(grid: GridMap, drive: Points) -> list[FrontierGroup]:
 def is_closed(grid: GridMap, drive: Points, at: tuple[float, float]) -> bool:
     driven = np.zeros(grid.cells.shape, dtype=bool)
     driven[tuple(grid.cells_of(drive).T)] = True
-    return bool(closed_corners(grid.cells, driven)[grid.cell(*at)])
+    return bool(closed_corners(grid.cells, driven, np.zeros_like(driven))[grid.cell(*at)])
 
 
 def test_the_far_corners_of_a_hall_that_was_driven_to_its_end_are_no_entry() -> None:
@@ -51,6 +51,21 @@ def test_a_side_hall_beside_the_end_whose_mouth_was_passed_is_one() -> None:
     assert is_closed(grid, trail(), NORTH)
     (entry,) = listed(grid, trail())
     assert entry.y_m < 3.5
+
+
+@pytest.mark.requirement("PLN_MR_01")
+def test_a_side_hall_beside_the_end_is_one_though_little_of_its_mouth_was_passed() -> None:
+    walls = [*HALL[1:], (1.0, 1.9, 6.6, 2.0)]
+    assert not is_closed(drawn(SEEN, walls), trail(), (7.5, 1.95))
+    (entry,) = listed(drawn(SEEN, walls), trail())
+    assert entry.y_m < 3.5
+
+
+def test_a_robot_that_turns_away_before_the_end_passes_no_mouth() -> None:
+    """Nothing echoes to a sonar that does not look straight at a wall."""
+    walls = [*HALL[1:], (1.0, 1.9, 6.6, 2.0)]
+    turning = np.stack([np.arange(6.6, 7.1, 0.1), np.arange(3.5, 4.0, 0.1)], axis=1)
+    assert listed(drawn(SEEN, walls), np.concatenate([trail(6.6), turning])) == []
 
 
 @pytest.mark.requirement("PLN_MR_01")

@@ -2,8 +2,8 @@
 
 A wall echoes at the foot of the perpendicular only, so from the last place where the robot had it abeam up to the
 corner nothing shows it: unknown floor outside the building would show through the gap, as an entry of the list that no
-visit ever takes off. Where the robot was abeam of the gap itself it is none: there a wall would have echoed. This knows
-walls along the grid's axes only: halls that stand square to the first one.
+visit ever takes off. Where the robot drove along the gap itself it is none: there a wall would have echoed, though not
+to a robot that turns. This knows walls along the grid's axes only: halls that stand square to the first one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from onboard.planner.grid.grid_map import Mask
 
 REACH_CELLS = 18  # so far a wall may go on
 ALIKE_CELLS = 3  # around a cell of wall, for the axis that its wall runs along
-PASSED_CELLS = 3  # beyond the last echo; further on a robot abeam would have heard the wall
+PASSED_CELLS = 1  # beyond the last echo; further on a robot abeam would have heard the wall
 ABEAM_CELLS = 30
 OVERSHOT_CELLS = 5  # a ray may end beyond the wall
 
@@ -24,9 +24,10 @@ OVERSHOT_CELLS = 5  # a ray may end beyond the wall
 Cells = npt.NDArray[np.uint8]
 
 
-def closed_corners(cells: Cells, driven: Mask) -> Mask:
-    """Which cells (rows, columns) of a grid are missing wall at corners; `driven`: where the robot was."""
-    along_x, along_y = _Extensions(cells, driven), _Extensions(cells.T, driven.T)
+def closed_corners(cells: Cells, driven_x: Mask, driven_y: Mask) -> Mask:
+    """Which cells (rows, columns) of a grid are missing wall at corners; `driven_x`, `driven_y`: where the robot drove
+    along that axis."""
+    along_x, along_y = _Extensions(cells, driven_x), _Extensions(cells.T, driven_y.T)
     corners = along_x.all & along_y.all.T
     return along_x.up_to(corners | along_x.ends_at_wall) | along_y.up_to(corners.T | along_y.ends_at_wall).T
 

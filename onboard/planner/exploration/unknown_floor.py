@@ -18,6 +18,7 @@ from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, Cell, GridMap, Mask
 ENOUGH_M2 = 1.2  # more is not looked for
 AROUND_CELLS = 36  # of a frontier: as far as what closes corners reaches
 CELL_M = 0.1  # of the mapping unit's grid
+ALONG = 0.94  # cosine of the angle to an axis, up to which it drives along it: so far aside a wall echoes
 _NEAR = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
 
@@ -26,6 +27,7 @@ class UnknownFloor:
 
     def __init__(self, grid: GridMap, trail: Points) -> None:
         self._grid, self._trail = grid, grid.cells_of(trail)
+        self._drives = [np.abs(_directions(trail)[:, axis]) > ALONG for axis in (0, 1)]
 
     def beyond_m2(self, frontier: npt.NDArray[np.int64]) -> float:
         """Square metres beyond these cells (N, 2), connected with them; at most ENOUGH_M2."""
@@ -48,13 +50,23 @@ class UnknownFloor:
     def _unknown(self, window: tuple[slice, slice], low: npt.NDArray[np.int64]) -> Mask:
         """Where in a part of the grid the footprint could stand, though nobody has seen the floor."""
         part = self._grid.part(window)
-        driven = np.zeros(part.cells.shape, dtype=bool)
-        _mark(driven, self._trail - low)
+        driven = np.zeros((2, *part.cells.shape), dtype=bool)
+        for mask, drives in zip(driven, self._drives, strict=True):
+            _mark(mask, self._trail[drives] - low)
         unknown: Mask = (part.cells == UNKNOWN) & (self._grid.clearance_m(window) >= STAND_CLEARANCE_M)
         near_wall = np.zeros(part.cells.shape, dtype=bool)
-        walls = np.argwhere(closed_corners(part.cells, driven))
+        walls = np.argwhere(closed_corners(part.cells, *driven))
         _mark(near_wall, (walls[:, None] + _DISC).reshape(-1, 2))
         return unknown & ~near_wall
+
+
+def _directions(trail: Points) -> Points:
+    """Unit vectors (N, 2) of the way at each point of the trail, from the one before to the one after it."""
+    if len(trail) < 2:
+        return np.zeros_like(trail)
+    ways = np.gradient(trail, axis=0)
+    directions: Points = ways / np.maximum(np.hypot(ways[:, 0], ways[:, 1]), 1e-9)[:, None]
+    return directions
 
 
 def _mark(mask: Mask, cells: npt.NDArray[np.int64]) -> None:

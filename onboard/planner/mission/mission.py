@@ -270,7 +270,8 @@ class Mission:
     def _plan_path(self, view: View) -> Deliberation[None]:
         """A path for the present mode, or another mode where there is none (now)."""
         if self.mode is Mode.ROUTE:
-            yield from self._choose(view)
+            if not (yield from self._finds_another_path(view)):
+                yield from self._choose(view)
             return
         home = self.mode in GOING_HOME
         target = (0.0, 0.0) if home else self._target
@@ -289,6 +290,15 @@ class Mission:
             self._look(Event.NO_PATH, view.pose.heading_rad, view.now_s)
         else:
             self._wait_for_path(view, target)
+
+    def _finds_another_path(self, view: View) -> Deliberation[bool]:
+        """To the entry of the list that it was on its way to, while that is one."""
+        yield from self.frontiers.judged(view)
+        if not self.frontiers.something_near(*self._target):
+            return False
+        route = yield from self.frontiers.route(view, destination.cells_at(view.grid, self._target, True))
+        self.path = route or []
+        return route is not None
 
     def _wait_for_path(self, view: View, target: tuple[float, float]) -> None:
         self._happens(Event.NO_PATH, f"place={target[0]:.2f},{target[1]:.2f}")
