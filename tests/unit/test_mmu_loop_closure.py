@@ -132,3 +132,22 @@ def test_a_back_end_that_trusts_no_gyro_yet_begins_anew_where_loop_closures_cont
     assert [line for line in lines.log_lines if "odometry distrusted: most loop closures" in line]
     assert back_end._keyframes.noise is WHEELS_ALONE
     assert len(back_end._keyframes) == 1
+
+
+@pytest.mark.parametrize("spacing_m", [0.1, 0.4])
+def test_the_earlier_pass_is_as_long_as_what_is_matched_with_it(
+    monkeypatch: pytest.MonkeyPatch, spacing_m: float
+) -> None:
+    """Through a hall twice: where echoes are few a longer stretch is matched, and all of it can overlap."""
+    keyframes, offered = straight(60), []
+    for i in range(60):
+        back_m = i - 40.0 if i >= 40 else float(i)
+        keyframes.graph._poses.rows[i] = (back_m, 0.0, 0.0)
+    at_m = np.arange(0.0, 59.0, spacing_m)
+    keyframes.echoes.append([[int(s), s, s - int(s), 1.0, 1.5, 1.0] for s in at_m])
+    monkeypatch.setattr(keyframes, "register", lambda mine, other, *_: offered.append((mine, other)))
+    LoopClosure(keyframes).search()
+    mine, other = offered[0]
+    first_m, last_m = float(other[:, 1].min()), float(other[:, 1].max())
+    assert first_m < mine[0, 1] - 40.0 + 0.5
+    assert last_m > mine[-1, 1] - 40.0 - 0.5

@@ -106,3 +106,21 @@ def test_a_repeating_pattern_is_ambiguous_and_a_corner_is_not() -> None:
     assert alone is not None
     assert repeated.ambiguity > 0.9
     assert alone.ambiguity < repeated.ambiguity - 0.1
+
+
+def every(step: int, first: int, points: Points, normals: Points) -> tuple[Points, Points]:
+    return points[first::step], normals[first::step]
+
+
+@pytest.mark.parametrize("step", [1, 10, 16])
+def test_passes_that_met_the_same_walls_at_other_places_match_however_far_apart_their_echoes(step: int) -> None:
+    """Of a slow sensor: one pass has its echoes 0.5 or 0.8 m apart, the other half way between them."""
+    room = joined(corner(), wall((0.0, -1.0), (0.0, 2.0), (-1.0, 0.0)), wall((0.0, -1.0), (4.0, -1.0), (0.0, -1.0)))
+    motion = Pose2(0.2, -0.15, radians(2.0))
+    moved, turned = displaced(*every(step, step // 2, *room), motion)
+    match = register(moved, turned, *every(step, 0, *room), CENTRE, 0.5, 0.06)
+    assert match is not None
+    left = match.correction.compose(motion)
+    assert np.hypot(left.x_m, left.y_m) < 0.05
+    assert abs(left.heading_rad) < radians(1.0)
+    assert match.overlap > 0.8

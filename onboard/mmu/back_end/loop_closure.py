@@ -22,7 +22,7 @@ RECENT_MAX_M = 12.0  # where fewer echoes than these were received in it
 RECENT_POINTS = 60
 GAP_M = 12.0  # of path before a place counts as visited before
 REACH_M = 3.0
-SPAN_M = 7.0  # of the earlier path, before and after the place
+SPAN_M = 7.0  # of the earlier path, before and after the place; longer by as much as what is matched is
 PASSES_MAX = 2
 
 # Gates. Tuned on recorded robots (range logs); how the share of wrong closures depends on each value was not measured
@@ -98,6 +98,7 @@ class LoopClosure:
         here = poses[-1]
         paths_m = np.array(keyframes.paths_m)
         begins_m = float(rows[:, 1].min())
+        span_m = SPAN_M + max(0.0, keyframes.path_m - begins_m - RECENT_M)
         old = paths_m < begins_m - GAP_M
         near_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
         near_m[~old] = np.inf
@@ -111,8 +112,8 @@ class LoopClosure:
             first_m = paths_m[reachable[0]]
             of_pass = reachable[paths_m[reachable] < first_m + 2 * REACH_M]
             anchor = int(of_pass[near_m[of_pass].argmin()])
-            self._try_pass(anchor, mine, rows, float(graph_paths_m[anchor]))
-            near_m[paths_m < first_m + 2 * SPAN_M] = np.inf
+            self._try_pass(anchor, mine, rows, span_m, float(graph_paths_m[anchor]))
+            near_m[paths_m < first_m + 2 * span_m] = np.inf
 
     def adopt(self) -> None:
         """Judges the loop closures added since the last call: does the settled graph agree with them?"""
@@ -136,12 +137,12 @@ class LoopClosure:
         lines, self._log = tuple(self._log), []
         return lines
 
-    def _try_pass(self, anchor: int, node: int, recent: FloatArray, graph_path_m: float) -> None:
-        """`graph_path_m`: from the anchor to here, as `KeyframeGraph.graph_paths_m` has it."""
+    def _try_pass(self, anchor: int, node: int, recent: FloatArray, span_m: float, graph_path_m: float) -> None:
+        """`span_m`: of path before and after the anchor; `graph_path_m`: from there to here (`graph_paths_m`)."""
         keyframes = self._keyframes
         path_m = keyframes.paths_m[anchor]
-        end_m = min(path_m + SPAN_M, float(recent[:, 1].min()) - 2.0)
-        rows = keyframes.echoes.stretch(path_m - SPAN_M, end_m)
+        end_m = min(path_m + span_m, float(recent[:, 1].min()) - 2.0)
+        rows = keyframes.echoes.stretch(path_m - span_m, end_m)
         if len(rows) < POINTS_MIN:
             return
         search_m, search_rad = keyframes.noise.search_window(graph_path_m)

@@ -28,6 +28,9 @@ POINTS_PER_INDEPENDENT = 6.0  # neighbouring echoes share their errors
 ITERATIONS = 10
 PARTNERS_MIN = 8
 NORMAL_SD_RAD = radians(5.0)
+PIECE_STEP_M = 0.1
+PIECE_HALF_MAX_M = 0.5
+PIECE_PERCENTILE = 75  # of the distances from echo to echo: pieces of wall as long as these close most gaps
 SECOND_BEST_M = 0.5  # how far the second-best place lies from the best one at least
 SECOND_BEST_CHI2 = 50.0  # squared Mahalanobis distance, likewise: along a bare hall it stays small
 
@@ -58,7 +61,7 @@ def register(
     Returns None where too few points find a partner.
     """
     local = points - centre
-    fixed = fixed_points - centre
+    fixed, fixed_normals = _as_pieces(fixed_points - centre, fixed_normals)
     start = np.zeros(3)
     places: list[Place] = []
     if search_m > 0:
@@ -76,6 +79,24 @@ def register(
     score = places[0].score if places else 0.0
     second_best = max((p.score for p in places[1:] if _elsewhere(p, places[0], information)), default=0.0)
     return Match(Pose2.from_array(correction), information, overlap, rms_m, score, second_best / max(score, 1e-9))
+
+
+def _as_pieces(points: Points, normals: Points) -> tuple[Points, Points]:
+    """Where echoes lie far apart, each stands for a piece of wall half way to the next: points along it.
+
+    Otherwise an echo of another pass, which met the wall between two of them, would find no partner.
+    """
+    if len(points) < 2:
+        return points, normals
+    apart_m = np.asarray(cKDTree(points).query(points, k=2)[0])
+    half_m = min(0.5 * float(np.percentile(apart_m[:, 1], PIECE_PERCENTILE)), PIECE_HALF_MAX_M)
+    reach = int(half_m / PIECE_STEP_M)
+    if reach == 0:
+        return points, normals
+    along_m = PIECE_STEP_M * np.arange(-reach, reach + 1)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    pieces = points[:, None, :] + along_m[None, :, None] * tangents[:, None, :]
+    return pieces.reshape(-1, 2), np.repeat(normals, len(along_m), axis=0)
 
 
 def _align(
