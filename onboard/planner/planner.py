@@ -6,7 +6,6 @@ import argparse
 import logging
 import math
 import secrets
-from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from common.config import Config
 from common.constants import PLANNER_CLEARANCE_M, SPEED_MEDIUM_M_S, TURN_ON_SPOT_RAD
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
-from common.messages.mapping import GridUpdate, PoseEstimate
+from common.messages.mapping import PoseEstimate
 from common.messages.mission import OperatorCommand, Outcome, PlannerView
 from common.messages.motion import CarrierState, Speed
 from common.messages.points_of_interest import PoiCommand, PoiRequest
@@ -25,8 +24,6 @@ from common.messages.stop import Permit
 from common.messages.topics import (
     CARRIER,
     DISTANCES,
-    GRID,
-    MAP,
     ODOMETRY,
     OPERATION,
     PERMIT,
@@ -40,25 +37,20 @@ from common.messages.topics import (
 from common.mission_state import is_stopped
 from common.side_process import ProcessWorker
 from common.status import StatusReporter
-from common.undecodable import Undecodable
-from common.wall_points import WallPointMap
 from common.zones import ZONE_OPERATIONS, message_of
 from onboard.planner.driving import collision_monitor
 from onboard.planner.driving.collision_monitor import CollisionMonitor, Phase, stopping_m, watch
 from onboard.planner.driving.drive_commands import BOOT_BITS, DriveCommands
 from onboard.planner.driving.poi_override import Override, after, speed
 from onboard.planner.driving.zero_velocity_update import ZeroVelocityUpdate
-from onboard.planner.exploration.queries import JudgedGrid
 from onboard.planner.grid.deliberation import BESIDE, Deliberator, Query
-from onboard.planner.grid.grid_map import GridMap
-from onboard.planner.grid.grid_reading import GridError
-from onboard.planner.grid.view import Motion, View
+from onboard.planner.grid.view import Motion
+from onboard.planner.known_floor import KnownFloor
 from onboard.planner.mission.battery_watch import BatteryWatch
 from onboard.planner.mission.mission import Mission
 from onboard.planner.mission.orders import Orders
 from onboard.planner.mission.table import AT_REST, BLOCKED, GOING_HOME, Event, Step
 from onboard.planner.routing.destination import has_floor
-from onboard.planner.routing.home_distance import HomeDistance
 from onboard.planner.zones.zone_file import ZONES_NAME
 from onboard.planner.zones.zone_guard import with_border
 from onboard.planner.zones.zone_keeper import ZoneKeeper
@@ -86,40 +78,24 @@ class Planner:
     ) -> None:
         """`deliberator` answers queries. `images_walls`: there is a camera, and every wall shall have been on its
         right. `boot`: of its drive commands. `zones`: without, they are forgotten in the end."""
-        self._deliberator = deliberator
-        self._queried: deque[Query] = deque()  # in the order of their answers
         self._mission = Mission(images_walls=images_walls)
+        self._zones = zones or ZoneKeeper()
+        self._floor = KnownFloor(deliberator, self._mission, self._zones)
         self._status = StatusReporter(self.name)
         self._collision = CollisionMonitor()
         self._zero_velocity = ZeroVelocityUpdate()
         self._battery, self._battery_s = BatteryWatch(), -math.inf
-        self._home_m = 0.0  # how far it is, as known last
-        self._undecodable = Undecodable()
-        self._zones = zones or ZoneKeeper()
-        self._zones_read = self._zones_sent = -1  # their revision in the newest grid, and as published
-        self._grid_update: GridUpdate | None = None  # the newest
-        self._update_read: GridUpdate | None = None  # of the newest query
-        self._next_grid: JudgedGrid | None = None  # was read
-        self._grid: GridMap | None = None
-        self._grid_revision = self._revision_queried = 0
-        self._points = WallPointMap()
+        self._zones_sent = -1  # their revision, as published
         self._wanted = Motion(Speed.STOP, 0.0)
         self._pose_seen: PoseEstimate | None = None
         self._commands = DriveCommands(boot)
         self._view_sent_s = -math.inf
         self._orders = Orders()
         self._override = Override()
-        self._left: deque[float] = deque(maxlen=5)
-        self._right: deque[float] = deque(maxlen=5)
-        self._front: deque[float] = deque(maxlen=3)
 
     def step(self, bus: Bus, now_s: float) -> float:
-        self._take_answers(now_s)
-        self._take_map(bus, now_s)
-        for distances in bus.take(DISTANCES):
-            self._left.append(distances.left_m)
-            self._right.append(distances.right_m)
-            self._front.append(distances.front_m)
+        if self._floor.receive(bus, now_s):
+            self._pose_seen = None  # the mission goes on at once
         pose = bus.latest(POSE)
         for operation in bus.take(OPERATION):
             self._operate(operation, pose, bus.latest(PERMIT), now_s)
@@ -143,59 +119,13 @@ class Planner:
         self._watch_battery(bus, now_s, pose)
         for note in self._mission.log.take():
             _log.info("%s", note)
-        self._put(self._mission.pending.take(), now_s)
+        self._floor.query(self._mission.pending.take(), now_s)
         self._report(bus, now_s, error)
         return self._due_s(bus, now_s)
 
     def close(self) -> None:
-        self._deliberator.close()
+        self._floor.close()
         self._zones.close()
-
-    def _take_map(self, bus: Bus, now_s: float) -> None:
-        for update in bus.take(MAP):
-            self._points.apply(update)
-        for grid in bus.take(GRID)[-1:]:
-            self._grid_update = grid
-        newest, pose = self._grid_update, bus.latest(POSE)
-        if newest is None or pose is None or self._deliberator.busy or self._mission.pending.open:
-            return  # one at a time; and a deliberation keeps its grid
-        if newest is self._update_read and self._zones_read == self._zones.revision:
-            return
-        self._update_read, self._zones_read = newest, self._zones.revision
-        self._revision_queried += 1
-        here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-        query = self._mission.frontiers.query(self._revision_queried, here, newest, self._zones.zones)
-        self._put(query, now_s)
-
-    def _put(self, query: Query | None, now_s: float) -> None:
-        if query is not None:
-            self._queried.append(query)
-            self._deliberator.begin(query, now_s)
-
-    def _take_answers(self, now_s: float) -> None:
-        while (outcome := self._deliberator.result(now_s)) is not None:
-            query, answer = self._queried.popleft(), outcome.value
-            if outcome.error is not None:
-                self._begin_deliberating_anew(outcome.error)
-            elif isinstance(answer, GridError):
-                self._undecodable.count(GRID.key, str(answer))
-            elif isinstance(query, HomeDistance) and answer is not None:
-                self._home_m = answer
-            elif isinstance(answer, JudgedGrid) and answer.grid is not None:
-                self._next_grid = answer
-            else:
-                self._mission.pending.receive(query, answer)
-                self._pose_seen = None  # the mission goes on at once
-        judged = self._next_grid
-        if judged is not None and not self._mission.pending.open:
-            self._next_grid, self._grid, self._grid_revision = None, judged.grid, judged.revision
-            self._mission.frontiers.take_in(judged)
-
-    def _begin_deliberating_anew(self, error: Exception) -> None:
-        """What answers has lost the grids: the robot stands until the next one was read."""
-        _log.error("deliberation: %s", error)
-        self._mission.pending.abandon()
-        self._grid = self._next_grid = None
 
     def _operate(
         self, command: OperatorCommand, pose: PoseEstimate | None, permit: Permit | None, now_s: float
@@ -214,7 +144,7 @@ class Planner:
         place_m = (command.x_m, command.y_m)
         if event is Event.GO_TO and self._zones.forbids(place_m):
             event = Event.GO_FORBIDDEN
-        elif event is Event.GO_TO and self._grid is not None and not has_floor(self._grid, place_m):
+        elif event is Event.GO_TO and self._floor.grid is not None and not has_floor(self._floor.grid, place_m):
             event = Event.GO_NOWHERE
         if event is Event.START:
             assert pose is not None
@@ -241,11 +171,11 @@ class Planner:
         self._battery_s = now_s + BATTERY_PERIOD_S
         self._battery.see(now_s, carrier.battery_v)
         left_s = self._battery.left_s
-        if left_s < BATTERY_MATTERS_S and self._grid is not None and not self._deliberator.busy:
-            here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-            self._put(HomeDistance(self._grid_revision, here), now_s)
-        if self._battery.calls_home(self._home_m):
-            _log.info("battery_v=%.2f left_s=%.0f home_m=%.1f", carrier.battery_v, left_s, self._home_m)
+        if left_s < BATTERY_MATTERS_S:
+            self._floor.query_home_distance(now_s, pose)
+        home_m = self._floor.home_m
+        if self._battery.calls_home(home_m):
+            _log.info("battery_v=%.2f left_s=%.0f home_m=%.1f", carrier.battery_v, left_s, home_m)
             self._mission.order(Event.BATTERY_LOW)
 
     def _keep_zones(self, bus: Bus, now_s: float) -> None:
@@ -278,7 +208,7 @@ class Planner:
         assert ranges is not None
         rests = self._zero_velocity.due(now_s, odometry is not None and odometry.standing)
         backing = carrier is not None and carrier.state is CarrierState.BACKING_OFF
-        if self._grid is None or self._mission.state.paused or backing:
+        if self._floor.grid is None or self._mission.state.paused or backing:
             self._collision = CollisionMonitor()
             self._commands.publish(bus, now_s, Motion(Speed.STOP, pose.heading_rad), pose)
             return
@@ -286,7 +216,7 @@ class Planner:
             self._pose_seen = pose
             requested = speed(self._override, now_s)
             if requested is None:
-                self._wanted = self._mission.step(self._view(now_s, pose))
+                self._wanted = self._mission.step(self._floor.view(now_s, pose))
             else:
                 self._wanted = Motion(requested, pose.heading_rad)
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
@@ -296,7 +226,7 @@ class Planner:
         ranges_m = with_border(ranges.range_m, self._zones.guard.room_m(here, pose.heading_rad))
         self._collision, blocked = watch(self._collision, now_s, ahead, ranges_m, speed_m_s)
         if blocked:
-            self._mission.blocked(self._view(now_s, pose), self._collision.bearing_rad)
+            self._mission.blocked(self._floor.view(now_s, pose), self._collision.bearing_rad)
         motion = self._wanted
         if self._collision.phase is Phase.STOPPED:
             motion = Motion(Speed.STOP, pose.heading_rad)
@@ -308,25 +238,12 @@ class Planner:
             motion = Motion(Speed.STOP, pose.heading_rad)
         self._commands.publish(bus, now_s, motion, pose)
 
-    def _view(self, now_s: float, pose: PoseEstimate) -> View:
-        assert self._grid is not None
-        return View(
-            now_s,
-            Pose2(pose.x_m, pose.y_m, pose.heading_rad),
-            self._grid,
-            self._grid_revision,
-            self._points,
-            _median(self._left),
-            _median(self._right),
-            _median(self._front),
-        )
-
     def _due_s(self, bus: Bus, now_s: float) -> float:
         """When there is something to do though nothing arrives."""
         return min(
             self._status.latest_s,
             self._commands.latest_s,
-            self._deliberator.due_s(now_s),
+            self._floor.due_s(now_s),
             self._zones.due_s(now_s),
             collision_monitor.due_s(self._collision),
             *(expires_s(bus, topic, now_s) for topic in (POSE, RANGES, DISTANCES)),
@@ -342,7 +259,8 @@ class Planner:
             return
         self._view_sent_s = now_s
         path = np.array(self._mission.path[:PATH_SHOWN_MAX], dtype=np.float32).reshape(-1, 2)
-        area_m2 = self._grid.area_m2 if self._grid is not None else 0.0
+        grid = self._floor.grid
+        area_m2 = grid.area_m2 if grid is not None else 0.0
         answer = self._orders.answer
         bus.publish(
             PLAN,
@@ -366,12 +284,6 @@ class Planner:
 def _turns_on_the_spot(motion: Motion, pose: PoseEstimate) -> bool:
     """The Carrier stops and turns before it drives on."""
     return abs(wrap_angle(motion.heading_rad - pose.heading_rad)) > TURN_ON_SPOT_RAD
-
-
-def _median(values: deque[float]) -> float:
-    """Of those with an echo; NaN where most were not."""
-    known = sorted(v for v in values if v == v)
-    return known[len(known) // 2] if len(known) > len(values) // 2 else math.nan
 
 
 def make_planner(config: Config, arguments: argparse.Namespace) -> Planner:

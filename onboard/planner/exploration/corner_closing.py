@@ -16,7 +16,7 @@ from onboard.planner.grid.grid_map import Mask
 
 REACH_CELLS = 18  # so far a wall may go on
 ALIKE_CELLS = 3  # around a cell of wall, for the axis that its wall runs along
-PASSED_CELLS = 1  # beyond the last echo; further on a robot abeam would have heard the wall
+PASSED_CELLS = 2  # beyond the last echo; further on a robot abeam would have heard the wall
 ABEAM_CELLS = 30
 OVERSHOT_CELLS = 5  # a ray may end beyond the wall
 
