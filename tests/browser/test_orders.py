@@ -154,6 +154,7 @@ def test_a_stop_is_released_by_a_typed_word_and_only_the_one_that_was_shown(
     expect(form).to_contain_text("The button on the robot is pressed.")
     expect(form.get_by_role("button")).to_be_disabled()
     robot.feed.take_operator(OperatorView("LATCHED", epoch=7))
+    expect(form.get_by_role("button")).to_be_enabled()
     form.get_by_role("textbox").fill("yes")
     form.get_by_role("textbox").press("Enter")
     expect(form).to_contain_text("the word is release")
@@ -210,6 +211,7 @@ def test_a_foreign_page_in_the_same_browser_moves_and_stops_nothing(robot: Robot
         other = visit(None, at=f"http://127.0.0.1:{foreign.server_port}/?robot={robot.server.address}")
         other.until(lambda: other.page.evaluate("window.tried") >= 11, "all that it tries")
         assert orders.taken == []
+        other.page.close()
         other.errors.clear()  # what the browser says of what it tried
     finally:
         foreign.shutdown()
