@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from common.fields import (
-    Count,
-    Identity,
-    Piece,
-    RowsBytes,
-    Seconds,
-)
+from common.fields import Count, Identity, Piece, RowsBytes, Seconds
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from common.fields import (
     Spread,
     Times,
 )
+from common.geometry import Pose2
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,10 @@ class PoseEstimate:
     sd_heading_rad: Spread
     map_revision: Count
     valid: bool = True
+
+    @property
+    def pose(self) -> Pose2:
+        return Pose2(self.x_m, self.y_m, self.heading_rad)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,19 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from common.fields import (
-    CommandId,
-    DoorIds,
-    DoorPlaces,
-    DoorTexts,
-    Metres,
-    Photo,
-    PoiId,
-    Radians,
-    Seconds,
-    Share,
-    Word,
-)
+from common.fields import CommandId, DoorIds, DoorPlaces, DoorTexts, Metres, Photo, PoiId, Radians, Seconds, Share, Word
 
 
 class PoiCommand(Enum):

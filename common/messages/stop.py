@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from common.fields import (
-    Challenge,
-    Epoch,
-    Identity,
-    Seconds,
-    StopIds,
-    StopSources,
-    Text,
-    Word,
-)
+from common.fields import Challenge, Epoch, Identity, Seconds, StopIds, StopSources, Text, Word
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,13 +75,7 @@ _TOPICS: dict[str, Topic[object]] = {}
 
 
 def _topic(
-    key: str,
-    payload: type[P],
-    rate_hz: float,
-    qos: QosProfile,
-    consumers: str,
-    flows: str = "",
-    note: str = "",
+    key: str, payload: type[P], rate_hz: float, qos: QosProfile, consumers: str, flows: str = "", note: str = ""
 ) -> Topic[P]:
     topic = Topic(key, payload, rate_hz, qos, tuple(consumers.split()), tuple(flows.split()), note)
     _TOPICS[key] = topic  # type: ignore[assignment]
@@ -96,12 +90,7 @@ ODOMETRY = _topic(
     "bridge/odometry", Odometry, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner recorder command_center", "lfc_sim_mmu"
 )
 RANGES = _topic(
-    "bridge/ranges",
-    Ranges,
-    SENSOR_RATE_HZ,
-    QosProfile.LATEST,
-    "mmu planner poi recorder visualizer ros",
-    "lfc_sim_mmu",
+    "bridge/ranges", Ranges, SENSOR_RATE_HZ, QosProfile.LATEST, "mmu planner poi recorder visualizer ros", "lfc_sim_mmu"
 )
 DISTANCES = _topic("bridge/distances", Distances, SENSOR_RATE_HZ, QosProfile.LATEST, "planner recorder", "lfc_sim_pln")
 CARRIER = _topic(

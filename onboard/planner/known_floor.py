@@ -10,7 +10,6 @@ import math
 from collections import deque
 
 from common.bus import Bus
-from common.geometry import Pose2
 from common.messages.mapping import GridUpdate, PoseEstimate
 from common.messages.topics import DISTANCES, GRID, MAP, POSE
 from common.undecodable import Undecodable
@@ -67,8 +66,7 @@ class KnownFloor:
     def query_home_distance(self, now_s: float, pose: PoseEstimate) -> None:
         """Where the answer can be had: it is `home_m` some steps later."""
         if self.grid is not None and not self._deliberator.busy:
-            here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-            self.query(HomeDistance(self.grid_revision, here), now_s)
+            self.query(HomeDistance(self.grid_revision, pose.pose), now_s)
 
     def due_s(self, now_s: float) -> float:
         """When an answer may be there (s)."""
@@ -81,7 +79,7 @@ class KnownFloor:
         assert self.grid is not None
         return View(
             now_s,
-            Pose2(pose.x_m, pose.y_m, pose.heading_rad),
+            pose.pose,
             self.grid,
             self.grid_revision,
             self._points,
@@ -102,9 +100,7 @@ class KnownFloor:
             return
         self._update_read, self._zones_read = newest, self._zones.revision
         self._revision_queried += 1
-        here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
-        query = self._frontiers.query(self._revision_queried, here, newest, self._zones.zones)
-        self.query(query, now_s)
+        self.query(self._frontiers.query(self._revision_queried, pose.pose, newest, self._zones.zones), now_s)
 
     def _take_answers(self, now_s: float) -> bool:
         answered = False

@@ -148,7 +148,7 @@ class Planner:
             event = Event.GO_NOWHERE
         if event is Event.START:
             assert pose is not None
-            step = self._mission.start(Pose2(pose.x_m, pose.y_m, pose.heading_rad), now_s)
+            step = self._mission.start(pose.pose, now_s)
         else:
             step = self._mission.order(event, place_m)
         _log.info("operation=%s refused=%s %s", event.name, step.refused, step.note)
@@ -157,7 +157,7 @@ class Planner:
             self._view_sent_s = -math.inf
 
     def _order_zone(self, command: OperatorCommand, pose: PoseEstimate) -> Step:
-        answer = self._zones.order(command, Pose2(pose.x_m, pose.y_m, pose.heading_rad))
+        answer = self._zones.order(command, pose.pose)
         _log.info("operation=%s refused=%s %s", command.operation.value, answer.refused, answer.note)
         if not answer.refused:
             self._mission.replan()
@@ -222,7 +222,7 @@ class Planner:
         speed_m_s = carrier.speed_m_s if carrier is not None else SPEED_MEDIUM_M_S
         # On the spot it may turn away from anything
         ahead = Speed.STOP if _turns_on_the_spot(self._wanted, pose) else self._wanted.speed
-        here = Pose2(pose.x_m, pose.y_m, pose.heading_rad)
+        here = pose.pose
         ranges_m = with_border(ranges.range_m, self._zones.guard.room_m(here, pose.heading_rad))
         self._collision, blocked = watch(self._collision, now_s, ahead, ranges_m, speed_m_s)
         if blocked:

@@ -31,7 +31,7 @@ class PoseHistory:
         if self._times_s and estimate.t_s <= self._times_s[-1]:
             return
         self._times_s.append(estimate.t_s)
-        self._poses.append(Pose2(estimate.x_m, estimate.y_m, estimate.heading_rad))
+        self._poses.append(estimate.pose)
         if len(self._times_s) > KEPT:
             del self._times_s[0], self._poses[0]
 
