@@ -20,7 +20,7 @@ from tests.terminal.rig import Rig, piloted, settle
 from tests.terminal.test_states_and_keys import SIZES, screen_lines
 
 FOLDER = Path(__file__).with_name("snapshots")
-_CLOCK = re.compile(r"\d\d:\d\d:\d\d")
+_CLOCK = re.compile(r"\d\d:\d[\d:]*")  # under the edge of a dialog it is cut short
 
 
 async def driving(rig: Rig, app: CommandCenterApp, pilot: Pilot[int]) -> None:
@@ -67,7 +67,8 @@ async def test_the_screen_is_as_it_was(scene: Scene, size: tuple[int, int], tmp_
         await settle(rig, app, pilot)
         app.main.show_floor(rig.node.floor_picture())
         await pilot.pause()
-        seen = "\n".join(_CLOCK.sub("HH:MM:SS", line) for line in screen_lines(app)) + "\n"
+        screen = "\n".join(screen_lines(app)) + "\n"
+        seen = _CLOCK.sub(lambda clock: "HH:MM:SS"[: len(clock[0])], screen)
     file = FOLDER / f"{scene.__name__}_{size[0]}x{size[1]}.txt"
     if os.environ.get("UPDATE_SNAPSHOTS"):
         FOLDER.mkdir(exist_ok=True)
