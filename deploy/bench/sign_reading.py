@@ -23,8 +23,10 @@ from common.environment import PROCESS_ENVIRONMENT
 from deploy.bench.mission import HERE
 from deploy.bench.order import Order
 from offboard.evaluate.signs.fonts import DEVELOPMENT, HELD_OUT, missing
+from offboard.evaluate.signs.photographs import missing as missing_photographs
+from offboard.evaluate.signs.photographs import photographs
 from offboard.evaluate.signs.reading import evaluated
-from offboard.evaluate.signs.scenes import Kind, case, has_photographs, store
+from offboard.evaluate.signs.scenes import Kind, case, store
 from offboard.evaluate.signs.scoring import outcome_table, reliability_table
 from onboard.poi.camera.frame_source import photo_files, read_photo
 from onboard.poi.signs.grouping import signs
@@ -32,7 +34,7 @@ from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.photo_reading import PHOTO_DETECTION_SIDE_PX
 from onboard.poi.signs.sign_reading import sign_rules
 
-CASES = {Kind.PLATE: 480, Kind.COVERED: 240, Kind.DISTRACTOR: 200}
+CASES = {Kind.PLATE: 480, Kind.COVERED: 240, Kind.DISTRACTOR: 200, Kind.PHOTOGRAPH: 560}
 QUICK = 8  # one of so many cases
 FRAMES, FRAMES_QUICK = 40, 12
 MEMORY_MAX_MB = 450
@@ -58,8 +60,8 @@ def bench(order: Order) -> None:
     if lacking := missing((*DEVELOPMENT, *HELD_OUT)):
         print(f"the signs need their fonts: pip install {' '.join(lacking)}")
         return
-    if not has_photographs():
-        print("no photographs behind the signs: pip install scikit-image")
+    if lacking := missing_photographs():
+        print(f"photographs that are left out: pip install {' '.join(lacking)}")
     with tempfile.TemporaryDirectory(prefix="indoor-mapping-") as folder:
         for index in range(FRAMES_QUICK if order.quick else FRAMES):
             store(case(Kind.PLATE, index, DEVELOPMENT).image, Path(folder) / f"{index:03}.jpg")
@@ -68,10 +70,11 @@ def bench(order: Order) -> None:
             return
         _run(HERE, "-m", "deploy.bench.sign_reading", "--frames", folder, capture=False)
     reader = SignReader(PHOTO_DETECTION_SIDE_PX)
+    step = QUICK if order.quick else 1
     for name, fonts in (("fonts of development", DEVELOPMENT), ("fonts held out", HELD_OUT)):
-        cases = (
-            case(kind, i, fonts) for kind, count in CASES.items() for i in range(0, count, QUICK if order.quick else 1)
-        )
+        # Photographs without a sign are the same in both
+        kinds = [kind for kind in Kind if kind is not Kind.PHOTOGRAPH or (fonts is HELD_OUT and photographs())]
+        cases = (case(kind, i, fonts) for kind in kinds for i in range(0, CASES[kind], step))
         results = list(evaluated(cases, reader))
         print(f"\n{name}", *outcome_table(results), "", *reliability_table(results), sep="\n", flush=True)
 

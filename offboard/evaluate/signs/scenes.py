@@ -1,16 +1,14 @@
 """Signs in pictures of a camera: tilted onto walls and photographs, covered, lit, blurred, noisy, and compressed.
 
-Everything follows from a seed and the number of the case, so that a case can be drawn again by itself. Photographs are
-those of scikit-image where it is installed; without it walls only are drawn, and the cases are others.
+Everything follows from a seed and the number of the case, so that a case can be drawn again by itself. Half of the
+signs hang on photographs where their packages are installed; without those, on walls only, and the cases are others.
 """
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache
 from math import cos, pi, radians, sin, tan
 from pathlib import Path
 from random import Random
@@ -20,13 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from offboard.evaluate.signs.layouts import DRAWN_CAPITALS_PX, Drawn, Layout, draw_notice, draw_plate, halves
+from offboard.evaluate.signs.photographs import Image, photographs, view
 from offboard.evaluate.signs.texts import FORMS, NumberForm, distractor
 
-Image = npt.NDArray[np.uint8]  # (height, width, 3), blue green red
 SIZE_PX = (1280, 960)
 CAPITALS_PX = (22.0, 60.0)
 FOCAL_PX = 1061.0  # of the camera at that size, for the perspective of a tilted sign
-_PHOTOGRAPHS = ("motorcycle_left", "coffee", "astronaut", "chelsea", "brick", "gravel", "rocket")
 
 
 class Kind(Enum):
@@ -35,11 +32,15 @@ class Kind(Enum):
     PLATE = "plate"  # its number
     COVERED = "covered"  # its number or none: something hides a part of a letter
     DISTRACTOR = "distractor"  # nothing
+    PHOTOGRAPH = "no sign"  # nothing: a photograph as it is
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One picture and what is in it; `number` as the plate shows it, empty where there is none."""
+    """One picture and what is in it; `number` as the plate shows it, empty where there is none.
+
+    `on_photograph`: what is behind the sign is a photograph, not a drawn wall.
+    """
 
     kind: Kind
     index: int
@@ -49,14 +50,21 @@ class Case:
     font: str
     capitals_px: float
     tilt_deg: tuple[float, float, float]  # yaw, pitch, roll
+    on_photograph: bool
     image: Image
 
 
 def case(kind: Kind, index: int, fonts: Sequence[str], seed: int = 1) -> Case:
-    """Draws one case. Every form comes with every font in turn; the rest is drawn from the seed."""
+    """Draws one case. Every form comes with every font in turn; the rest is drawn from the seed.
+
+    Kind.PHOTOGRAPH needs photographs.
+    """
     rng = Random(f"{seed} {kind.value} {index}")
     form, font = FORMS[index % len(FORMS)], fonts[(index // len(FORMS) + index) % len(fonts)]
     number, layout = "", None
+    if kind is Kind.PHOTOGRAPH:
+        picture = _photographed(view(rng, SIZE_PX), CAPITALS_PX[0], rng, np.random.default_rng(rng.getrandbits(32)))
+        return Case(kind, index, form, None, "", "", CAPITALS_PX[0], (0.0, 0.0, 0.0), True, picture)
     if kind is Kind.DISTRACTOR:
         drawn = draw_notice(distractor(rng), font, rng)
     else:
@@ -68,12 +76,8 @@ def case(kind: Kind, index: int, fonts: Sequence[str], seed: int = 1) -> Case:
         drawn = draw_plate(layout, form.before + number, font, rng)
     capitals_px = CAPITALS_PX[0] * (CAPITALS_PX[1] / CAPITALS_PX[0]) ** rng.random()
     tilt_deg = rng.uniform(-40, 40), rng.uniform(-10, 10), rng.gauss(0, 4)
-    image = _scene(drawn, capitals_px, tilt_deg, kind is Kind.COVERED, rng)
-    return Case(kind, index, form, layout, number, font, capitals_px, tilt_deg, image)
-
-
-def has_photographs() -> bool:
-    return bool(_photographs())
+    on_photograph, image = _scene(drawn, capitals_px, tilt_deg, kind is Kind.COVERED, rng)
+    return Case(kind, index, form, layout, number, font, capitals_px, tilt_deg, on_photograph, image)
 
 
 def store(image: Image, file: Path) -> None:
@@ -81,10 +85,14 @@ def store(image: Image, file: Path) -> None:
     cv2.imwrite(str(file), image, [cv2.IMWRITE_JPEG_QUALITY, 95])
 
 
-def _scene(drawn: Drawn, capitals_px: float, tilt_deg: tuple[float, float, float], covered: bool, rng: Random) -> Image:
+def _scene(
+    drawn: Drawn, capitals_px: float, tilt_deg: tuple[float, float, float], covered: bool, rng: Random
+) -> tuple[bool, Image]:
+    """The sign in its scene, and whether that is a photograph."""
     noise = np.random.default_rng(rng.getrandbits(32))
     flat = np.asarray(drawn.picture)[..., ::-1].astype(np.float32)
-    backdrop = _backdrop(rng, noise)
+    on_photograph = bool(photographs()) and rng.random() < 0.5
+    backdrop = view(rng, SIZE_PX) if on_photograph else _wall(rng, noise)
     if covered:
         _cover(flat, drawn, rng)
     if rng.random() < 0.3:
@@ -93,27 +101,12 @@ def _scene(drawn: Drawn, capitals_px: float, tilt_deg: tuple[float, float, float
     # As much of the sign as fits the picture, which a long notice may not
     scale = min(scale, 0.9 * SIZE_PX[0] / flat.shape[1], 0.9 * SIZE_PX[1] / flat.shape[0])
     picture = _tilted(flat, backdrop, scale, tilt_deg, rng)
-    return _photographed(picture, capitals_px, rng, noise)
+    return on_photograph, _photographed(picture, capitals_px, rng, noise)
 
 
-@cache
-def _photographs() -> tuple[Image, ...]:
-    spec = importlib.util.find_spec("skimage")
-    folder = Path(spec.origin).parent / "data" if spec is not None and spec.origin else Path()
-    files = [next((f for f in (folder / f"{name}.png", folder / f"{name}.jpg") if f.is_file()), None)
-             for name in _PHOTOGRAPHS]  # fmt: skip
-    return tuple(np.asarray(cv2.imread(str(file)), np.uint8) for file in files if file is not None)
-
-
-def _backdrop(rng: Random, noise: np.random.Generator) -> npt.NDArray[np.float32]:
-    """A photograph, or a plain wall with a gradient of light."""
+def _wall(rng: Random, noise: np.random.Generator) -> npt.NDArray[np.float32]:
+    """Plain, with a gradient of light."""
     width, height = SIZE_PX
-    photographs = _photographs()
-    if photographs and rng.random() < 0.5:
-        photo = rng.choice(photographs)
-        grown = max(width / photo.shape[1], height / photo.shape[0])
-        large = cv2.resize(photo, None, fx=grown, fy=grown, interpolation=cv2.INTER_CUBIC)
-        return np.asarray(large[:height, :width], np.float32)
     colour = np.array([rng.uniform(90, 245) for _ in range(3)], np.float32)
     colour = 0.7 * colour.mean() + 0.3 * colour
     light = 1.0 + rng.uniform(-0.3, 0.3) * np.linspace(-0.5, 0.5, width, dtype=np.float32)[None, :, None]

@@ -16,7 +16,7 @@ BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999)  # of confidence, from
 
 
 class Outcome(Enum):
-    """Of a case with a number; of a distractor NONE is right and FALSE is not."""
+    """Of a case with a number; where there is none, NONE is right and FALSE is not."""
 
     EXACT = "exact"
     WRONG = "wrong"
@@ -45,12 +45,13 @@ class Result:
     number: str
     font: str
     capitals_px: float
+    on_photograph: bool
     answers: tuple[Answer, ...]
 
     @property
     def outcome(self) -> Outcome:
         counted = [answer for answer in self.answers if answer.counts]
-        if self.kind is Kind.DISTRACTOR:
+        if not self.number:
             return Outcome.FALSE if counted else Outcome.NONE
         if counted:
             return Outcome.EXACT if all(self.is_right(answer) for answer in counted) else Outcome.WRONG
@@ -65,8 +66,9 @@ class Result:
 
 def result(case: Case, answers: Sequence[Answer]) -> Result:
     return Result(
-        case.kind, case.index, case.form.name, case.layout, case.number, case.font, case.capitals_px, tuple(answers)
-    )
+        case.kind, case.index, case.form.name, case.layout, case.number, case.font, case.capitals_px,
+        case.on_photograph, tuple(answers),
+    )  # fmt: skip
 
 
 def shares(results: Iterable[Result], kind: Kind) -> dict[Outcome, float]:
@@ -80,10 +82,13 @@ def outcome_table(results: Sequence[Result]) -> list[str]:
     lines = [f"{'':26}" + "".join(f"{outcome.value:>10}" for outcome in Outcome) + "     cases"]
     for kind in Kind:
         lines.append(_line(kind.value, [r for r in results if r.kind is kind]))
+    for on_photograph in (False, True):
+        ground = [r for r in results if r.kind is Kind.PLATE and r.on_photograph is on_photograph]
+        lines.append(_line("  on a photograph" if on_photograph else "  on a wall", ground))
     for layout in Layout:
         lines.append(_line(f"  {layout.value}", [r for r in results if r.kind is Kind.PLATE and r.layout is layout]))
     for what in ("form", "font"):
-        names = sorted({getattr(r, what) for r in results})
+        names = sorted({getattr(r, what) for r in results if r.kind is Kind.PLATE})
         of = {name: [r for r in results if r.kind is Kind.PLATE and getattr(r, what) == name] for name in names}
         worst = sorted(names, key=lambda name: shares(of[name], Kind.PLATE)[Outcome.EXACT])[:3]
         lines += [_line(f"  worst {what}: {name}", of[name]) for name in worst]
@@ -103,7 +108,7 @@ def reliability_table(results: Sequence[Result]) -> list[str]:
         cells = []
         for counts in (True, False):
             within = [
-                r.kind is not Kind.DISTRACTOR and r.is_right(answer)
+                bool(r.number) and r.is_right(answer)
                 for r in results
                 for answer in r.answers
                 if answer.counts is counts and low <= answer.confidence < high
