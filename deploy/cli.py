@@ -25,7 +25,7 @@ FAMILIES = {
     "simulation": ("local", "simulate", "floors"),
     "replay": ("replay",),
     "node": ("node", "command-center"),
-    "operator": ("estop", "release", "start", "pause", "resume", "home", "goto"),
+    "operator": ("estop", "release", "start", "pause", "resume", "home", "goto", "pose"),
     "zones": ("zone",),
     "doors": ("door",),
     "records": ("runs", "export"),

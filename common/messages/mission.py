@@ -13,7 +13,9 @@ from common.fields import (
     Epoch,
     Metres,
     PathPoints,
+    Radians,
     Seconds,
+    Spread,
     SquareMetres,
     Text,
     Word,
@@ -76,6 +78,7 @@ class Operation(Enum):
     NO_GO_AREA = "no-go-area"
     ONLY_HERE = "only-here"
     REMOVE_ZONE = "remove-zone"
+    POSE = "pose"  # where the robot stands; the mapping unit answers it
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +95,20 @@ class OperatorCommand:
     corners_x_m: ZoneCorners = ()  # of a line or area, in the map
     corners_y_m: ZoneCorners = ()
     zone: Count = 0  # the number of the one to be removed; 0 for all
+    heading_rad: Radians = 0.0  # of a pose, with its standard deviations
+    sd_m: Spread = 0.0
+    sd_heading_rad: Spread = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PoseAnswer:
+    """What the mapping unit says to the newest pose that a person stated."""
+
+    t_s: Seconds
+    command_id: CommandId
+    refused: bool
+    note: Text
+    valid: bool = True
 
 
 @dataclass(frozen=True, slots=True)

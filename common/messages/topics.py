@@ -18,7 +18,7 @@ from common.constants import (
 from common.messages.delivery import OutboxPiece, OutboxReceipt
 from common.messages.health import BoardState, ClockAck, ClockTick, LogLine, Status
 from common.messages.mapping import GridUpdate, MapUpdate, PoseEstimate, Trajectory
-from common.messages.mission import OperatorCommand, PlannerView, Zones
+from common.messages.mission import OperatorCommand, PlannerView, PoseAnswer, Zones
 from common.messages.motion import CarrierReport, Distances, DriveCommand, Odometry, Ranges
 from common.messages.points_of_interest import DoorStatement, DoorStatements, PointOfInterest, PoiRequest
 from common.messages.stop import Permit, StopRequest
@@ -128,13 +128,16 @@ GRID = _topic(
 TRAJECTORY = _topic(
     "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, f"{PEOPLE} ros", "lfc_mmu_cm", "when the past was corrected"
 )
+POSE_ANSWER = _topic(
+    "mmu/pose_answer", PoseAnswer, 0.0, QosProfile.STATE, "recorder command_center", note="to a pose that was stated"
+)
 PLAN = _topic("planner/view", PlannerView, MAP_RATE_MAX_HZ, QosProfile.STATE, PEOPLE, note="for people")
 ZONES = _topic("planner/zones", Zones, 0.0, QosProfile.STATE, PEOPLE, note="on change, and after each start")
 RETAKE = _topic("poi/request", PoiRequest, 0.0, QosProfile.COMMAND, "planner recorder", "lfc_poi_pln")
 POI = _topic("poi/record", PointOfInterest, 0.0, QosProfile.EVENT, f"{PEOPLE} ros", "lfc_poi_cm lfc_cm_vsl")
 PERMIT = _topic("comm/permit", Permit, PERMIT_RATE_HZ, QosProfile.COMMAND, f"bridge planner poi {PEOPLE}", note=AT_ONCE)
 STOP = _topic("command_center/stop", StopRequest, 0.0, QosProfile.COMMAND, "bridge comm recorder", "lfc_cm_cc")
-OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, QosProfile.COMMAND, "planner comm recorder")
+OPERATION = _topic("command_center/operation", OperatorCommand, 0.0, QosProfile.COMMAND, "planner mmu comm recorder")
 DOOR = _topic("command_center/door", DoorStatement, 0.0, QosProfile.COMMAND, "recorder")
 DOOR_NOTES = _topic(
     "recorder/doors", DoorStatements, 0.0, QosProfile.STATE, "visualizer command_center", note="on change"

@@ -1,4 +1,4 @@
-"""Verbs of the operator: `estop` and `release`, `start`, `pause`, `resume`, `home`, `goto ROOM_OR_X,Y`.
+"""Verbs of the operator: `estop` and `release`, `start`, `pause`, `resume`, `home`, `goto ROOM_OR_X,Y`, `pose X,Y,DEG`.
 
 The rules of the stop and of the commands are those of the Command Center.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,17 @@ from common.clock import FreeClock
 from common.config_file import load_config
 from common.errors import StartError
 from common.messages.mission import Operation
-from common.messages.topics import CARRIER, PERMIT, PLAN
+from common.messages.topics import CARRIER, PERMIT
 from common.mission_state import hindrance
 from common.zenoh_bus import ZenohBus
 from offboard.operate import operations, software_stop
 from offboard.operate.operations import Answer, Order
 from offboard.operate.operator_client import operate, press_stop, request_release, wait_until
+from offboard.operate.order_sender import answer_to
 from offboard.operate.software_stop import Demand, StopControl
 
 LINK_TIMEOUT_S = 2.0
+POSE_SD_M, POSE_SD_DEG = 0.5, 15.0  # as RViz sends them
 
 
 def add_verbs(verbs: Any) -> None:
@@ -35,6 +38,7 @@ def add_verbs(verbs: Any) -> None:
         ("resume", _operation, "go on"),
         ("home", _operation, "drive home"),
         ("goto", _operation, "drive to a door or to a place on the map"),
+        ("pose", _pose, "tell a robot that was carried where on the map it stands"),
     ):
         parser = verbs.add_parser(name, help=text)
         parser.add_argument("--config", type=Path, help="robot.toml of the mesh")
@@ -43,6 +47,12 @@ def add_verbs(verbs: Any) -> None:
                 "place", metavar="ROOM_OR_X,Y", help="door number, or metres on the map, for example -3,1.5"
             )
             parser.add_argument("--run-dir", type=Path, help="run folder whose doors are meant; found by --config")
+        if name == "pose":
+            parser.add_argument("pose", metavar="X,Y,HEADING", help="metres on the map, and degrees, left positive")
+            parser.add_argument("--doubt-m", type=float, default=POSE_SD_M, help="standard deviation of the place")
+            parser.add_argument(
+                "--doubt-deg", type=float, default=POSE_SD_DEG, help="standard deviation of the heading"
+            )
         parser.set_defaults(run=run)
 
 
@@ -101,6 +111,21 @@ def _operation(arguments: argparse.Namespace) -> int:
     return give(arguments.config, Order(operation, x_m, y_m))
 
 
+def _pose(arguments: argparse.Namespace) -> int:
+    try:
+        numbers = [float(part) for part in arguments.pose.split(",")]
+        x_m, y_m, heading_deg = numbers
+        sds = arguments.doubt_m, radians(arguments.doubt_deg)
+        if not all(map(isfinite, numbers)) or not all(0.0 <= sd < inf for sd in sds):
+            raise ValueError
+    except ValueError:
+        raise StartError(
+            f"{arguments.pose} is no pose: X,Y in metres and HEADING in degrees, for example 3,-1.5,90"
+        ) from None
+    order = Order(Operation.POSE, x_m, y_m, heading_rad=radians(heading_deg), sd_m=sds[0], sd_heading_rad=sds[1])
+    return give(arguments.config, order)
+
+
 def give(config: Path | None, order: Order) -> int:
     """Sends it until it is answered, and prints the answer; the exit code."""
     bus = join(config)
@@ -114,7 +139,7 @@ def give(config: Path | None, order: Order) -> int:
             return 1
         answer = operate(bus, order)
         name = order.operation.value
-        sentence = operations.result_sentence(name, answer, bus.latest(PERMIT), bus.latest(PLAN))
+        sentence = operations.result_sentence(name, answer, bus.latest(PERMIT), answer_to(bus, name))
         print(sentence, file=sys.stdout if answer is Answer.TAKEN else sys.stderr)
         return 0 if answer is Answer.TAKEN else 1
     finally:

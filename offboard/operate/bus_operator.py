@@ -16,11 +16,11 @@ from typing import Protocol
 
 from common.bus import Bus
 from common.errors import StartError, sentence
-from common.messages.topics import PERMIT, PLAN
+from common.messages.topics import PERMIT
 from offboard.operate import operations
 from offboard.operate.door_sender import SENTENCES, DoorSender, OfDoor
 from offboard.operate.operations import Answer, Order
-from offboard.operate.order_sender import OrderSender
+from offboard.operate.order_sender import OrderSender, answer_to
 from offboard.operate.software_stop import look, release_hindrance, robot_report
 from offboard.operate.stop_desk import StopDesk, StopSender
 
@@ -148,7 +148,7 @@ class BusOperator:
             return self._view.answer
         if answer is Answer.WAITING:
             return f"Sent: {self._ordered}."
-        return operations.result_sentence(self._ordered, answer, bus.latest(PERMIT), bus.latest(PLAN))
+        return operations.result_sentence(self._ordered, answer, bus.latest(PERMIT), answer_to(bus, self._ordered))
 
     def _note_door(self, bus: Bus, now_s: float) -> str:
         """As `_operate`, for what was said of a door; empty where nothing is under way."""

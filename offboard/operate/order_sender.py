@@ -5,8 +5,14 @@ from __future__ import annotations
 from math import inf
 
 from common.bus import Bus
-from common.messages.topics import OPERATION, PERMIT, PLAN
+from common.messages.mission import Operation, PlannerView, PoseAnswer
+from common.messages.topics import OPERATION, PERMIT, PLAN, POSE_ANSWER
 from offboard.operate.operations import REPEAT_S, Answer, PendingOperation
+
+
+def answer_to(bus: Bus, operation: str) -> PlannerView | PoseAnswer | None:
+    """The newest message that answers such a command."""
+    return bus.latest(POSE_ANSWER) if operation == Operation.POSE.value else bus.latest(PLAN)
 
 
 class OrderSender:
@@ -23,10 +29,11 @@ class OrderSender:
     def step(self, bus: Bus, now_s: float) -> Answer | None:
         """The answer as of now to the command under way; None where none is, also after its answer was returned."""
         # Joined from the beginning: the answer to the first command must not get lost on the way
-        view, permit, pending = bus.latest(PLAN), bus.latest(PERMIT), self._pending
+        view, stated, permit = bus.latest(PLAN), bus.latest(POSE_ANSWER), bus.latest(PERMIT)
+        pending = self._pending
         if pending is None:
             return None
-        answer = pending.answer(view, permit, now_s)
+        answer = pending.answer(stated if pending.command.operation is Operation.POSE else view, permit, now_s)
         if answer is not Answer.WAITING:
             self._pending = None
         elif now_s >= self._due_s:

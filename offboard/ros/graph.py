@@ -1,4 +1,4 @@
-"""The graph of ROS 2 by rclpy: the only module that imports it. Publishers by topic, and the goals that came.
+"""The graph of ROS 2 by rclpy: the only module that imports it. Publishers by topic; goals and poses that came.
 
 Messages come as bytes, so that they are the same as those of a bag. Unless `network` of `[ros]` is true, DDS finds
 programs on this machine only, and Fast DDS opens no port to any other.
@@ -10,6 +10,7 @@ import logging
 import os
 from importlib import import_module
 from importlib.util import find_spec
+from math import atan2
 from pathlib import Path
 from subprocess import SubprocessError
 from typing import Any
@@ -22,10 +23,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from offboard.export.ros_messages import LATCHED, Sent, serialized, type_of
 from offboard.ros import tf_message
-from offboard.ros.ros import Goal
+from offboard.ros.ros import Goal, InitialPose, standard_deviations
 
 NODE = "indoor_mapping"
-GOALS_AT_ONCE = 10  # of one step; the newest count
+WISHES_AT_ONCE = 10  # of one step; the newest count
 LOOPBACK = Path(__file__).with_name("loopback.xml")
 
 _log = logging.getLogger("ros")
@@ -53,9 +54,9 @@ class RclpyGraph:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._publishers: dict[str, Any] = {}
-        self._goals: list[Goal] = []
+        self._wishes: list[Goal | InitialPose] = []
         self._node.create_subscription(PoseStamped, "/goal_pose", self._take_goal, 10)
-        self._node.create_subscription(PoseWithCovarianceStamped, "/initialpose", self._refuse_pose, 10)
+        self._node.create_subscription(PoseWithCovarianceStamped, "/initialpose", self._take_pose, 10)
 
     def publish(self, sent: Sent) -> None:
         topic, message = sent
@@ -65,14 +66,14 @@ class RclpyGraph:
         if publisher is not None:
             publisher.publish(serialized(message))
 
-    def take_goals(self) -> list[Goal]:
-        for _ in range(GOALS_AT_ONCE):
-            before = len(self._goals)
+    def take_wishes(self) -> list[Goal | InitialPose]:
+        for _ in range(WISHES_AT_ONCE):
+            before = len(self._wishes)
             self._executor.spin_once(timeout_sec=0.0)
-            if len(self._goals) == before:
+            if len(self._wishes) == before:
                 break
-        goals, self._goals = self._goals, []
-        return goals
+        wishes, self._wishes = self._wishes, []
+        return wishes
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -88,13 +89,15 @@ class RclpyGraph:
             return None
         return self._node.create_publisher(message_class, topic, _profile(topic))
 
-    def _refuse_pose(self, _: PoseWithCovarianceStamped) -> None:
-        """The mapping unit takes no pose from anybody; who sends one is to know."""
-        _log.warning("a pose was refused: the robot finds its place in the map by what it measures")
+    def _take_pose(self, stated: PoseWithCovarianceStamped) -> None:
+        at, turn = stated.pose.pose.position, stated.pose.pose.orientation
+        heading_rad = atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+        sds = standard_deviations(stated.pose.covariance)
+        self._wishes.append(InitialPose(stated.header.frame_id, at.x, at.y, heading_rad, *sds))
 
     def _take_goal(self, goal: PoseStamped) -> None:
         place = goal.pose.position
-        self._goals.append(Goal(goal.header.frame_id, place.x, place.y))
+        self._wishes.append(Goal(goal.header.frame_id, place.x, place.y))
 
 
 def _class_of(kind: str) -> Any:

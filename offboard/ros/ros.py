@@ -1,4 +1,4 @@
-"""Node `ros`: map, pose, path, sonars and doors of the bus -> a graph of ROS 2; a goal from there -> an order.
+"""Node `ros`: map, pose, path, sonars and doors of the bus -> a graph of ROS 2; a goal or pose from there -> an order.
 
 What is published and in which types stands in `offboard/export/ros_messages.py`, which writes bags too. An order takes
 the path of the page's and the terminal's (`offboard/operate`), and only a program on this machine may give one: ROS
@@ -8,9 +8,9 @@ does not show who publishes.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import hypot, isfinite, nan, sqrt
 from typing import Any, Protocol
 
 from common.bus import Bus
@@ -49,12 +49,31 @@ class Goal:
     y_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class InitialPose:
+    """Of `/initialpose`: where a person says that the robot is, with standard deviations."""
+
+    frame: str
+    x_m: float
+    y_m: float
+    heading_rad: float
+    sd_m: float
+    sd_heading_rad: float
+
+
+def standard_deviations(covariance: Sequence[float]) -> tuple[float, float]:
+    """Of the place along its worst direction, and of the heading; of 36 numbers as ROS has them. NaN where none are."""
+    xx, xy, yy, heading = covariance[0], covariance[1], covariance[7], covariance[35]
+    worst = (xx + yy) / 2 + hypot((xx - yy) / 2, xy)
+    return (sqrt(worst), sqrt(heading)) if worst >= 0.0 and heading >= 0.0 else (nan, nan)
+
+
 class Graph(Protocol):
     """The side of ROS."""
 
     def publish(self, sent: Sent) -> None: ...
 
-    def take_goals(self) -> list[Goal]:
+    def take_wishes(self) -> list[Goal | InitialPose]:
         """Every one since the last call, oldest first."""
 
     def close(self) -> None: ...
@@ -93,8 +112,8 @@ class Ros:
     def step(self, bus: Bus, now_s: float) -> None:
         for sent in self._news(bus, now_s):
             self._graph.publish(sent)
-        for goal in self._graph.take_goals():
-            self._order(goal)
+        for wish in self._graph.take_wishes():
+            self._order(wish)
         self._status.report(bus, now_s, state="SERVING", ready=True, detail=self._detail())
 
     def show(self, view: OperatorView) -> None:
@@ -154,24 +173,32 @@ class Ros:
         if len(self._doors) > DOORS_MAX:
             del self._doors[next(iter(self._doors))]
 
-    def _order(self, goal: Goal) -> None:
-        refusal = self._refusal(goal)
+    def _order(self, wish: Goal | InitialPose) -> None:
+        refusal = self._refusal(wish)
         if refusal or self._operator is None:
-            _log.warning("a goal was refused: %s", refusal)
+            _log.warning("a %s was refused: %s", "goal" if isinstance(wish, Goal) else "pose", refusal)
+        elif isinstance(wish, Goal):
+            self._operator.operate(Order(Operation.GOTO, wish.x_m, wish.y_m))
         else:
-            self._operator.operate(Order(Operation.GOTO, goal.x_m, goal.y_m))
+            heading_rad, sd_m, sd_heading_rad = wish.heading_rad, wish.sd_m, wish.sd_heading_rad
+            order = Order(
+                Operation.POSE, wish.x_m, wish.y_m, heading_rad=heading_rad, sd_m=sd_m, sd_heading_rad=sd_heading_rad
+            )
+            self._operator.operate(order)
 
-    def _refusal(self, goal: Goal) -> str:
-        """Why a goal is no order, as words; empty where it is one."""
+    def _refusal(self, wish: Goal | InitialPose) -> str:
+        """Why it is no order, as words; empty where it is one."""
         if self._operator is None:
             return "programs of other machines can publish here too, so nobody may order anything"
-        if goal.frame.removeprefix("/") != MAP_FRAME:
-            return f"its frame is {plain(goal.frame, _FRAME_MAX) or '(none)'}, not {MAP_FRAME}"
-        if not all(isfinite(m) and COORDINATE.low <= m <= COORDINATE.high for m in (goal.x_m, goal.y_m)):
+        if wish.frame.removeprefix("/") != MAP_FRAME:
+            return f"its frame is {plain(wish.frame, _FRAME_MAX) or '(none)'}, not {MAP_FRAME}"
+        if not all(isfinite(m) and COORDINATE.low <= m <= COORDINATE.high for m in (wish.x_m, wish.y_m)):
             return "no place of a floor"
+        if isinstance(wish, InitialPose) and not all(map(isfinite, (wish.heading_rad, wish.sd_m, wish.sd_heading_rad))):
+            return "no heading, or no covariance"
         return self._view.hindrance
 
     def _detail(self) -> str:
         if self._operator is None:
             return "no orders from here"
-        return self._view.hindrance or self._view.answer or "goals of this machine are taken"
+        return self._view.hindrance or self._view.answer or "goals and poses of this machine are taken"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from dataclasses import replace
+from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +13,27 @@ from common.bus import Bus, alive, expires_s
 from common.config import Config
 from common.constants import MAP_TOLERANCE_M
 from common.errors import ErrorCode
+from common.geometry import Pose2, wrap_angle
 from common.messages.mapping import PoseEstimate, Trajectory
+from common.messages.mission import Operation, OperatorCommand, PoseAnswer
 from common.messages.motion import Odometry
-from common.messages.topics import GRID, MAP, ODOMETRY, POSE, RANGES, TRAJECTORY, Topic
+from common.messages.topics import (
+    GRID,
+    MAP,
+    ODOMETRY,
+    OPERATION,
+    POSE,
+    POSE_ANSWER,
+    RANGES,
+    TRAJECTORY,
+    Topic,
+)
 from common.pace import Pace
 from common.side_process import ProcessWorker
 from common.status import StatusReporter
 from onboard.mmu.back_end.back_end_link import BackEndWorker
 from onboard.mmu.back_end.exchange import Correction, Increment
+from onboard.mmu.front_end.stated_pose import Verdict
 from onboard.mmu.map.grid_encoder import GridEncoder
 from onboard.mmu.map.map_file import MAP_NAME, SavedMap, load_map
 from onboard.mmu.map.map_increments import MapIncrements
@@ -29,6 +44,8 @@ BACK_END = "onboard.mmu.back_end.back_end_process:load"
 GRID_PERIOD_S = 1.0
 TRAJECTORY_PERIOD_S = 10.0
 MAX_SD_M = MAP_TOLERANCE_M  # a pose less certain than this is not valid
+
+_log = logging.getLogger("mmu")
 
 
 class MappingUnit:
@@ -51,10 +68,14 @@ class MappingUnit:
         self._grid_pace, self._trajectory_pace = Pace(GRID_PERIOD_S), Pace(TRAJECTORY_PERIOD_S)
         self._grid_encoder = GridEncoder()
         self._pose: PoseEstimate | None = None
+        self._answer: PoseAnswer | None = None
 
     def step(self, bus: Bus, now_s: float) -> float:
         for odometry in bus.take(ODOMETRY):
             self._update_pose(bus, odometry)
+        for command in bus.take(OPERATION):
+            if command.operation is Operation.POSE and command.valid:
+                self._take_stated(bus, command, now_s)
         for ranges in bus.take(RANGES):
             if ranges.valid:
                 self._slam.add_ranges(ranges)
@@ -78,6 +99,9 @@ class MappingUnit:
             return
         if not self._slam.add_odometry(odometry):
             return  # broken, or the first of a board that restarted: the next one shows which
+        self._publish_pose(bus, odometry)
+
+    def _publish_pose(self, bus: Bus, odometry: Odometry) -> None:
         pose = self._slam.pose
         sd_xy_m, sd_heading_rad = self._slam.uncertainty
         self._pose = PoseEstimate(
@@ -93,6 +117,26 @@ class MappingUnit:
         )
         bus.publish(POSE, self._pose)
 
+    def _take_stated(self, bus: Bus, command: OperatorCommand, now_s: float) -> None:
+        """A person says where the robot stands; answered once, and the answer again where the command comes again."""
+        if self._answer is None or self._answer.command_id != command.command_id:
+            verdict = self._judge_stated(bus, command)
+            _log.info("stated pose %s refused=%s %s", _place_text(command), verdict.refused, verdict.note)
+            self._answer = PoseAnswer(now_s, command.command_id, verdict.refused, verdict.note)
+        bus.publish(POSE_ANSWER, self._answer)
+
+    def _judge_stated(self, bus: Bus, command: OperatorCommand) -> Verdict:
+        odometry, ranges = bus.latest(ODOMETRY), bus.latest(RANGES)
+        if odometry is None or ranges is None or not alive(bus, ODOMETRY) or not alive(bus, RANGES):
+            return Verdict(True, "Nothing is received from the wheels or the sonars.")
+        if not odometry.standing:
+            return Verdict(True, "The robot moves: pause it first.")
+        pose = Pose2(command.x_m, command.y_m, wrap_angle(command.heading_rad))
+        verdict = self._slam.place(odometry.t_s, pose, command.sd_m, command.sd_heading_rad, ranges.range_m)
+        if not verdict.refused:
+            self._publish_pose(bus, odometry)
+        return verdict
+
     def _publish_map(self, bus: Bus, now_s: float) -> None:
         drawn = self._slam.map
         update = self._increments.next(drawn, now_s)
@@ -106,6 +150,12 @@ class MappingUnit:
             self._grid_encoder.begin(drawn.grid)
         if self._trajectory_pace.due(now_s, urgent=update is not None and update.start == 0):
             bus.publish(TRAJECTORY, Trajectory(now_s, *self._slam.trajectory()))
+
+
+def _place_text(command: OperatorCommand) -> str:
+    heading_deg, sd_deg = degrees(command.heading_rad), degrees(command.sd_heading_rad)
+    place = f"place={command.x_m:.2f},{command.y_m:.2f} heading_deg={heading_deg:.0f}"
+    return f"{place} sd_m={command.sd_m:.2f} sd_deg={sd_deg:.0f}"
 
 
 def carrier_of(config: Config) -> Carrier:

@@ -23,9 +23,10 @@ from onboard.mmu.front_end.dead_reckoning import DeadReckoning
 from onboard.mmu.front_end.localisation import Localisation
 from onboard.mmu.front_end.odometry import board_pose
 from onboard.mmu.front_end.range_features import BEAM_HALF_RAD, RangeFeatures
+from onboard.mmu.front_end.stated_pose import SD_MIN_M, SD_MIN_RAD, Beams, Verdict, judge
 from onboard.mmu.map.drawn_map import DrawnMap
 from onboard.mmu.map.keyframe_map import KeyframeMap
-from onboard.mmu.map.keyframes import Keyframe, LastSeen
+from onboard.mmu.map.keyframes import Keyframe, LastSeen, StatedPose
 from onboard.mmu.map.map_file import SavedMap
 
 # A keyframe for so much driving or turning. The sensitivity was not measured
@@ -143,6 +144,25 @@ class Slam:
             near = keyframes.in_keyframe(wall.near_t_s, (wall.near.x_m, wall.near.y_m))
             self._back_end.add_range_to_wall((*far, *near, wall.closer_m, wall.left_m))
 
+    def place(self, t_s: float, pose: Pose2, sd_m: float, sd_rad: float, ranges_m: tuple[float, ...]) -> Verdict:
+        """A person says that the robot, which stands, is at that pose in the map; `ranges_m`: what it measures there.
+
+        Unless it is refused, the robot counts as carried there.
+        """
+        keyframes = self._keyframes
+        anchor, apart_m = keyframes.nearest(pose)
+        present = None if self._localisation.kidnapped else self.pose
+        beams = Beams(ranges_m, self._carrier.bearings_rad, self._carrier.beam_half_rad)
+        sd_m, sd_rad = max(sd_m, SD_MIN_M), max(sd_rad, SD_MIN_RAD)
+        verdict = judge(pose, sd_m, sd_rad, present, apart_m, beams, keyframes.wall_points())
+        if not verdict.refused:
+            seen = Pose2.from_array(keyframes.poses.array[anchor]).between(pose)
+            self._odometry.place(keyframes.odom_of(pose))
+            self._odometry.advance(t_s)
+            self._features = self._carrier.range_features()
+            self._add_keyframe(t_s, StatedPose(anchor, seen, sd_m, sd_rad))
+        return verdict
+
     def close(self) -> None:
         self._back_end.close()
 
@@ -167,16 +187,20 @@ class Slam:
         turned_rad = abs(wrap_angle(pose.heading_rad - last.heading_rad))
         return last.distance_m(pose) >= KEYFRAME_M or turned_rad > KEYFRAME_RAD
 
-    def _add_keyframe(self, t_s: float) -> None:
+    def _add_keyframe(self, t_s: float, stated: StatedPose | None = None) -> None:
         odometry, motion = self._odometry.filter, self._odometry
         certain = not odometry.kidnapped
-        if not certain:
-            odometry.kidnapped = False
+        odometry.kidnapped = False
+        if stated is not None:
+            self._localisation.place(motion.path_m, stated.sd_m, stated.sd_rad)
+        elif not certain:
             self._localisation.kidnap(motion.path_m)
         turned_rad, calibrated_rad = odometry.turned_rad, odometry.calibrated_rad
         slip = odometry.slip.along_m_per_sqrt_m
         self._keyframes.add(
-            Keyframe(t_s, motion.pose, motion.travel_m, motion.path_m, turned_rad, calibrated_rad, certain, slip)
+            Keyframe(
+                t_s, motion.pose, motion.travel_m, motion.path_m, turned_rad, calibrated_rad, certain, slip, stated
+            )
         )
 
     # Corrections by the back end

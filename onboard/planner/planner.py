@@ -17,7 +17,7 @@ from common.constants import PLANNER_CLEARANCE_M, SPEED_MEDIUM_M_S, TURN_ON_SPOT
 from common.errors import ErrorCode
 from common.geometry import Pose2, wrap_angle
 from common.messages.mapping import PoseEstimate
-from common.messages.mission import OperatorCommand, Outcome, PlannerView
+from common.messages.mission import Operation, OperatorCommand, Outcome, PlannerView
 from common.messages.motion import CarrierState, Speed
 from common.messages.points_of_interest import PoiCommand, PoiRequest
 from common.messages.stop import Permit
@@ -97,8 +97,9 @@ class Planner:
         if self._floor.receive(bus, now_s):
             self._pose_seen = None  # the mission goes on at once
         pose = bus.latest(POSE)
-        for operation in bus.take(OPERATION):
-            self._operate(operation, pose, bus.latest(PERMIT), now_s)
+        for command in bus.take(OPERATION):
+            if command.operation is not Operation.POSE:
+                self._operate(command, pose, bus.latest(PERMIT), now_s)
         for request in bus.take(RETAKE):
             self._take_poi_request(request, pose, now_s)
         permit = bus.latest(PERMIT)

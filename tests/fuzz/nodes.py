@@ -53,7 +53,7 @@ from offboard.command_center.widgets import module_table, robot_panel, stop_bar,
 from offboard.export.ros_messages import Sent, serialized
 from offboard.operate.alerts import Alerts
 from offboard.recorder.recorder import Recorder
-from offboard.ros.ros import Goal, Ros
+from offboard.ros.ros import Goal, InitialPose, Ros
 from offboard.visualizer.feed import Feed
 from offboard.visualizer.visualizer import Visualizer
 from onboard.bridge.bridge import Bridge
@@ -334,7 +334,7 @@ class NoGraph:
     def publish(self, sent: Sent) -> None:
         serialized(sent[1])
 
-    def take_goals(self) -> list[Goal]:
+    def take_wishes(self) -> list[Goal | InitialPose]:
         return []
 
     def close(self) -> None:

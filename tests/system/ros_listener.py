@@ -1,7 +1,7 @@
-"""A program of ROS 2 that knows nothing of the project: prints what it has received as JSON, then publishes a goal.
+"""A program of ROS 2 that knows nothing of the project: prints what it has received as JSON, then publishes two wishes.
 
-Arguments: x and y of the goal, and the topics that it waits for, for a while. Of `/tf` it reads bytes, by the type that
-the project made, since no wheel has any.
+Arguments: x and y of a pose and a goal, and the topics that it waits for, for a while. Of `/tf` it reads bytes, by the
+type that the project made, since no wheel has any.
 """
 
 import json
@@ -61,7 +61,14 @@ def main() -> None:
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s and not set(wanted) <= set(received):
         rclpy.spin_once(node, timeout_sec=0.1)
-    node.create_publisher(PoseWithCovarianceStamped, "/initialpose", 10).publish(PoseWithCovarianceStamped())
+    stated = PoseWithCovarianceStamped()
+    stated.header.frame_id = "map"
+    stated.pose.pose.position.x, stated.pose.pose.position.y = float(x_m), float(y_m)
+    stated.pose.pose.orientation.z = stated.pose.pose.orientation.w = 0.5**0.5
+    stated.pose.covariance[0] = stated.pose.covariance[7] = 0.25
+    stated.pose.covariance[35] = 0.0685
+    node.create_publisher(PoseWithCovarianceStamped, "/initialpose", 10).publish(stated)
+    rclpy.spin_once(node, timeout_sec=1.0)
     for frame in ("odom", "map"):
         goal = PoseStamped()
         goal.header.frame_id = frame

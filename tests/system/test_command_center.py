@@ -125,6 +125,15 @@ def test_an_operation_that_nobody_takes_says_so_in_one_sentence_and_ends_with_1(
     assert result.stderr.strip() == "Nobody answered the home: is the planner running?"
 
 
+def test_a_stated_pose_is_answered_by_the_mapping_unit_in_one_sentence(mesh: Mesh) -> None:
+    mesh.start("comm")
+    mesh.start("mmu", "-m", "onboard.mmu")
+    until(lambda: {"comm", "mmu"} <= set(mesh.bus.alive_tokens()))
+    result = mesh.command("pose", "-1,2,90")
+    assert result.returncode == 1
+    assert result.stderr.strip() == "Refused. Nothing is received from the wheels or the sonars."
+
+
 def test_an_unknown_door_is_one_sentence_with_the_known_ones(mesh: Mesh) -> None:
     mesh.start("comm")
     until(lambda: "comm" in mesh.bus.alive_tokens())

@@ -16,6 +16,7 @@ import tomllib
 import venv
 import zlib
 from collections.abc import Iterator
+from math import pi, radians
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +104,7 @@ def listen(python: Path, *topics: str) -> dict[str, object]:
     return received
 
 
-def test_a_node_that_joins_late_receives_map_pose_path_doors_and_sonars_and_its_goal_is_an_order(
+def test_a_node_that_joins_late_receives_map_pose_path_doors_and_sonars_and_its_wishes_are_orders(
     graph: Mesh, python: Path
 ) -> None:
     robot = ZenohBus("mmu", graph.config, FreeClock(), "client")
@@ -141,8 +142,11 @@ def test_a_node_that_joins_late_receives_map_pose_path_doors_and_sonars_and_its_
         assert isinstance(types, dict)
         assert types["/tf"] == types["/tf_static"] == [[TF, STORE.hash_rihs01(TF)]]
         until(lambda: orders, 10.0, "the order")
-        assert {(order.operation, order.x_m, order.y_m) for order in orders} == {(Operation.GOTO, *GOAL)}
-        assert len({order.command_id for order in orders}) == 1
+        until(lambda: len({order.command_id for order in orders}) == 2, 10.0, "the pose and the goal")
+        pose, goal = {order.command_id: order for order in orders}.values()
+        assert (goal.operation, goal.x_m, goal.y_m) == (Operation.GOTO, *GOAL)
+        assert (pose.operation, pose.x_m, pose.y_m, pose.sd_m) == (Operation.POSE, *GOAL, 0.5)
+        assert (pose.heading_rad, pose.sd_heading_rad) == pytest.approx((pi / 2, radians(15.0)), abs=1e-3)
     finally:
         robot.close()
 

@@ -82,3 +82,9 @@ def test_an_interrupt_while_a_verb_loads_ends_it_without_a_traceback(library: st
     _, told = process.communicate(timeout=60.0)
     assert "Traceback" not in told
     assert process.returncode == 130
+
+
+@pytest.mark.parametrize("pose", ["3,1", "3,1,north", "3,1,nan", "1,2,3,4"])
+def test_a_pose_is_two_coordinates_and_a_heading(pose: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["pose", pose, "--config", "/nowhere/robot.toml"]) == 2
+    assert "is no pose: X,Y in metres and HEADING in degrees" in capsys.readouterr().err

@@ -47,8 +47,11 @@ def ranges_at(pose: Pose2) -> tuple[float, ...]:
 
 def path(rounds: int = 1, beyond_m: float = 6.0) -> Iterator[tuple[float, Pose2]]:
     """True poses ten times a second, with the speed at each: round the island, then a little further."""
-    pose = START
-    goals = [*CORNERS * rounds, (START.x_m, START.y_m), (START.x_m + beyond_m, START.y_m)]
+    yield from way(START, [*CORNERS * rounds, (START.x_m, START.y_m), (START.x_m + beyond_m, START.y_m)])
+
+
+def way(pose: Pose2, goals: list[tuple[float, float]]) -> Iterator[tuple[float, Pose2]]:
+    """True poses ten times a second from there to each of the goals, with the speed at each."""
     for x_m, y_m in goals:
         while abs(off_rad := pose.bearing_rad(x_m, y_m)) > 0.01 and pose.distance_m(Pose2(x_m, y_m, 0.0)) > 0.1:
             turn_rad = max(-TURN_RAD_S * PERIOD_S, min(TURN_RAD_S * PERIOD_S, off_rad))
@@ -111,7 +114,7 @@ class Bench:
             0.0,
             0.0,
             speed_m_s,
-            False,
+            moved_m == turned_rad == 0.0,
             False,
             False,
             session=0,

@@ -28,7 +28,7 @@ from offboard.operate.bus_operator import OperatorView
 from offboard.operate.operations import Order
 from offboard.ros.__main__ import make_ros
 from offboard.ros.driven_path import POSES_MAX, DrivenPath
-from offboard.ros.ros import Goal, Ros
+from offboard.ros.ros import Goal, InitialPose, Ros, standard_deviations
 from offboard.ros.wall_time import WallTime
 
 BEGAN_S = 1_700_000_000.0
@@ -36,19 +36,19 @@ NS = 1_000_000_000
 
 
 class StandIn:
-    """Of the graph: what was published, as a subscriber decodes it; `goals` come next."""
+    """Of the graph: what was published, as a subscriber decodes it; `wishes` come next."""
 
     def __init__(self) -> None:
         self.received: dict[str, list[Any]] = defaultdict(list)
-        self.goals: list[Goal] = []
+        self.wishes: list[Goal | InitialPose] = []
 
     def publish(self, sent: Sent) -> None:
         topic, message = sent
         self.received[topic].append(STORE.deserialize_cdr(serialized(message), type_of(message)))
 
-    def take_goals(self) -> list[Goal]:
-        goals, self.goals = self.goals, []
-        return goals
+    def take_wishes(self) -> list[Goal | InitialPose]:
+        wishes, self.wishes = self.wishes, []
+        return wishes
 
     def close(self) -> None:
         """It holds nothing."""
@@ -200,7 +200,7 @@ def test_a_path_of_any_length_is_a_bounded_message_that_ends_where_the_robot_is(
 
 def test_a_goal_in_the_maps_frame_is_an_order_by_the_way_of_all_orders() -> None:
     scene = Scene()
-    scene.graph.goals = [Goal("map", 3.0, -1.5)]
+    scene.graph.wishes = [Goal("map", 3.0, -1.5)]
     scene.step()
     assert scene.orders is not None
     assert scene.orders.given == [Order(Operation.GOTO, 3.0, -1.5)]
@@ -219,18 +219,48 @@ def test_a_goal_that_is_no_place_of_the_map_is_refused_with_a_reason(
     goal: Goal, caplog: pytest.LogCaptureFixture
 ) -> None:
     scene = Scene()
-    scene.graph.goals = [goal]
+    scene.graph.wishes = [goal]
     scene.step()
     assert scene.orders is not None
     assert scene.orders.given == []
     assert "a goal was refused" in caplog.text
 
 
+def test_an_initial_pose_is_an_order_with_its_doubt() -> None:
+    scene = Scene()
+    scene.graph.wishes = [InitialPose("map", 3.0, -1.5, pi / 2, 0.5, 0.26)]
+    scene.step()
+    assert scene.orders is not None
+    assert scene.orders.given == [Order(Operation.POSE, 3.0, -1.5, heading_rad=pi / 2, sd_m=0.5, sd_heading_rad=0.26)]
+
+
+@pytest.mark.parametrize(
+    "pose", [InitialPose("odom", 1.0, 1.0, 0.0, 0.5, 0.3), InitialPose("map", 1.0, 1.0, 0.0, nan, nan)]
+)
+def test_an_initial_pose_without_frame_or_covariance_is_refused_with_a_reason(
+    pose: InitialPose, caplog: pytest.LogCaptureFixture
+) -> None:
+    scene = Scene()
+    scene.graph.wishes = [pose]
+    scene.step()
+    assert scene.orders is not None
+    assert scene.orders.given == []
+    assert "a pose was refused" in caplog.text
+
+
+def test_a_covariance_is_taken_by_its_worst_direction() -> None:
+    covariance = [0.0] * 36
+    covariance[0], covariance[1], covariance[6], covariance[7], covariance[35] = 0.25, 0.24, 0.24, 0.25, 0.04
+    assert standard_deviations(covariance) == pytest.approx((0.7, 0.2))
+    covariance[0] = covariance[7] = -1.0
+    assert all(sd != sd for sd in standard_deviations(covariance))
+
+
 def test_while_no_order_can_be_given_a_goal_is_refused_and_does_not_wait() -> None:
     scene = Scene()
     assert scene.orders is not None
     scene.orders.on_view(OperatorView("LINK_LOST", "", "No mesh answers."))
-    scene.graph.goals = [Goal("map", 1.0, 1.0)]
+    scene.graph.wishes = [Goal("map", 1.0, 1.0)]
     scene.step()
     scene.orders.on_view(OperatorView("IDLE"))
     scene.step()
@@ -239,7 +269,7 @@ def test_while_no_order_can_be_given_a_goal_is_refused_and_does_not_wait() -> No
 
 def test_where_programs_of_other_machines_can_publish_nobody_can_order_anything() -> None:
     scene = Scene(network=True)
-    scene.graph.goals = [Goal("map", 1.0, 1.0)]
+    scene.graph.wishes = [Goal("map", 1.0, 1.0)]
     scene.step()
     assert scene.orders is None
     status = scene.robot.latest(STATUS["ros"])

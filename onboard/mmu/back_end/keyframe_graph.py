@@ -13,7 +13,7 @@ from onboard.mmu.back_end.odometry_noise import OdometryNoise
 from onboard.mmu.back_end.pose_factors import RelativePoseFactors
 from onboard.mmu.back_end.pose_graph import PoseGraph
 from onboard.mmu.front_end.scan_matching import Match, register
-from onboard.mmu.map.keyframes import Keyframe, ObservationStore, in_map
+from onboard.mmu.map.keyframes import Keyframe, ObservationStore, StatedPose, in_map
 
 # Standard deviations and lengths are rough on purpose. The sensitivity was not measured
 PRIOR_MAP = np.diag([0.01**-2, 0.01**-2, radians(0.1) ** -2])  # information between keyframes of a prior map
@@ -90,6 +90,15 @@ class KeyframeGraph:
         self._edges.append((node - 1, node, lost_m))
         self.graph.odometry.add(node - 1, node, measured, information, travel_m, turn_rad, stretch)
         self._keyframes.append(keyframe)
+        if keyframe.stated is not None:
+            self._add_stated(node, keyframe.stated)
+
+    def _add_stated(self, node: int, stated: StatedPose) -> None:
+        """As lost as after a path that loses as much; a loop closure near there settles it."""
+        information = np.diag([stated.sd_m**-2, stated.sd_m**-2, stated.sd_rad**-2])
+        self.graph.stated_poses.add(stated.anchor, node, stated.pose, information)
+        lost_m = max(3 * stated.sd_m / self.noise.lost_m_per_m, 3 * stated.sd_rad / self.noise.lost_rad_per_m)
+        self._edges.append((stated.anchor, node, lost_m))
 
     def register(
         self, mine: FloatArray, other: FloatArray, node: int, search_m: float, search_rad: float

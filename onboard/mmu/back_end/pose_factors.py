@@ -1,4 +1,6 @@
-"""Factors between the poses of two keyframes: odometry, sequential scan matching, loop closure, change of heading."""
+"""Factors between the poses of two keyframes: odometry, sequential scan matching, loop closure, change of heading, and
+the prior of a pose that a person stated.
+"""
 
 from __future__ import annotations
 
@@ -49,6 +51,12 @@ class SequentialMatchFactors(RelativePoseFactors):
 
 class LoopClosureFactors(RelativePoseFactors):
     """A place visited before: where it is a wrong one, the factor must not bend the map."""
+
+    loss = DCS
+
+
+class StatedPoseFactors(RelativePoseFactors):
+    """Where a person says that the robot stands: a prior, which loop closures outvote where it is wrong."""
 
     loss = DCS
 

@@ -21,6 +21,7 @@ from onboard.mmu.back_end.pose_factors import (
     LoopClosureFactors,
     OdometryFactors,
     SequentialMatchFactors,
+    StatedPoseFactors,
 )
 from onboard.mmu.back_end.robust_loss import PHI
 from onboard.mmu.back_end.states import Calibration, States
@@ -45,6 +46,7 @@ class PoseGraph:
         self.sequential_matches = SequentialMatchFactors()
         self.heading_changes = HeadingChangeFactors()
         self.loop_closures = LoopClosureFactors()
+        self.stated_poses = StatedPoseFactors()
         self.wall_directions = WallDirectionFactors()
         self.orthogonality = OrthogonalityFactors()
         self.ranges_to_wall = RangeToWallFactors()
@@ -52,7 +54,7 @@ class PoseGraph:
     @property
     def constraints(self) -> tuple[StoredFactors, ...]:
         """All but odometry: what may pull at the path that was driven."""
-        matches = self.sequential_matches, self.heading_changes, self.loop_closures
+        matches = self.sequential_matches, self.heading_changes, self.loop_closures, self.stated_poses
         return *matches, self.wall_directions, self.orthogonality, self.ranges_to_wall
 
     def __len__(self) -> int:

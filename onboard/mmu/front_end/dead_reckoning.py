@@ -43,6 +43,12 @@ class DeadReckoning:
             self.filter.kidnapped = True
             self.recent.clear()
 
+    def place(self, pose: Pose2) -> None:
+        """The robot was carried to that pose in `odom`, which is no path."""
+        self.filter.begin_at(pose)
+        self.filter.kidnapped = True
+        self.recent.clear()
+
     def advance(self, t_s: float) -> None:
         """The newest motion ended at that time."""
         pose = self.pose

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,17 @@ class KeyframeMap:
         if not self.keyframes:
             return Pose2(0.0, 0.0, 0.0)
         return self.poses.last.compose(self.from_newest(odom))
+
+    def nearest(self, place: Pose2) -> tuple[int, float]:
+        """The keyframe nearest to a place in the map, and how far that is (m); infinitely far where there is none."""
+        if not self.keyframes:
+            return 0, inf
+        apart_m = np.hypot(self.poses.array[:, 0] - place.x_m, self.poses.array[:, 1] - place.y_m)
+        return int(apart_m.argmin()), float(apart_m.min())
+
+    def odom_of(self, place: Pose2) -> Pose2:
+        """A pose in the map in `odom`, by the newest keyframe."""
+        return self.keyframes[-1].odom.compose(self.poses.last.between(place))
 
     def from_newest(self, odom: Pose2) -> Pose2:
         """A pose of `odom` as seen from the newest keyframe."""

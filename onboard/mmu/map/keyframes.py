@@ -12,6 +12,16 @@ from onboard.mmu.map.growing_rows import GrowingRows
 
 
 @dataclass(frozen=True, slots=True)
+class StatedPose:
+    """Where the robot stands as a person says, as seen from a keyframe beside it, with its standard deviations."""
+
+    anchor: int
+    pose: Pose2
+    sd_m: float
+    sd_rad: float
+
+
+@dataclass(frozen=True, slots=True)
 class Keyframe:
     """A pose in `odom`, and the path there: how far, turned by how much (left positive)."""
 
@@ -23,6 +33,7 @@ class Keyframe:
     calibrated_rad: float  # of which that much was added by the calibration then in force
     certain: bool = True  # false: the robot may have been kidnapped since the keyframe before
     slip_m_per_sqrt_m: float | None = None  # of the path, where it is known
+    stated: StatedPose | None = None  # a person said where the robot stands
 
 
 @dataclass(frozen=True, slots=True)
