@@ -13,7 +13,7 @@ from common.constants import FOOTPRINT_RADIUS_M
 from common.grid_cells import FREE, UNKNOWN, WALL
 from common.messages.mapping import GridUpdate
 from onboard.planner.grid.grid_map import GridMap, close_slivers
-from onboard.planner.grid.grid_reading import TILE_CELLS, GridError, read
+from onboard.planner.grid.grid_reading import TILE_CELLS, GridError, GridReader
 
 CELL_M = 0.1
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
@@ -58,7 +58,7 @@ def update_of(grid: GridMap, revision: int = 1, margin: int = 0, t_s: float = 0.
 
 
 def test_message_is_read_and_cut_to_what_is_known() -> None:
-    grid = read(update_of(hall(), margin=50))
+    grid = GridReader().read(update_of(hall(), margin=50))
     assert grid.cells.shape[0] < 50
     assert grid.cells[grid.cell(3.0, 2.0)] == FREE
     assert grid.cells[grid.cell(3.0, 0.95)] == WALL
@@ -77,7 +77,7 @@ def test_message_is_read_and_cut_to_what_is_known() -> None:
 )
 def test_a_message_that_is_no_grid_is_refused(broken: dict[str, Any]) -> None:
     with pytest.raises(GridError):
-        read(replace(update_of(hall()), **broken))
+        GridReader().read(replace(update_of(hall()), **broken))
 
 
 def test_a_large_grid_is_read_in_tiles_and_as_if_it_were_one() -> None:
@@ -86,7 +86,7 @@ def test_a_large_grid_is_read_in_tiles_and_as_if_it_were_one() -> None:
     cells = np.kron(coarse, np.ones((6, 7), np.uint8))
     cells[chance.random(cells.shape) < 0.1] = UNKNOWN
     cells[[0, -1]] = FREE
-    grid = read(update_of(GridMap(cells, -20.0, 5.0, CELL_M)))
+    grid = GridReader().read(update_of(GridMap(cells, -20.0, 5.0, CELL_M)))
     whole = GridMap(close_slivers(cells), -20.0, 5.0, CELL_M)
     assert min(grid.cells.shape) > 2 * TILE_CELLS
     assert (grid.cells == whole.cells).all()
@@ -94,8 +94,26 @@ def test_a_large_grid_is_read_in_tiles_and_as_if_it_were_one() -> None:
     assert (grid.frontier == whole.frontier).all()
 
 
+def test_a_grid_that_changes_here_and_there_and_grows_is_read_as_if_it_were_the_first() -> None:
+    chance = np.random.default_rng(2)
+    cells = np.kron(chance.choice(np.array([UNKNOWN, FREE, WALL], np.uint8), (30, 20)), np.ones((5, 5), np.uint8))
+    origin_m, reader = (3.0, -7.0), GridReader()
+    for turn in range(12):
+        row, column = (int(chance.integers(0, side - 8)) for side in cells.shape)
+        cells[row : row + 8, column : column + 8] = chance.choice([UNKNOWN, FREE, WALL], (8, 8))
+        if turn % 3 == 1:  # beyond where it began, and less at its end
+            cells = np.pad(cells, ((9, 0), (0, 12)), constant_values=FREE)[:, 2:]
+            origin_m = origin_m[0] + 2 * CELL_M, origin_m[1] - 9 * CELL_M
+        update = update_of(GridMap(cells.copy(), *origin_m, CELL_M), margin=6)
+        grid, first = reader.read(update), GridReader().read(update)
+        assert grid.centre((0, 0)) == pytest.approx(first.centre((0, 0)))
+        assert (grid.cells == first.cells).all()
+        assert (grid.wall_distance2 == first.wall_distance2).all()
+        assert (grid.frontier == first.frontier).all()
+
+
 def test_a_grid_with_nothing_known_has_no_frontier_and_no_area() -> None:
-    grid = read(update_of(drawn([])))
+    grid = GridReader().read(update_of(drawn([])))
     assert not grid.frontier.any()
     assert grid.area_m2 == 0.0
 

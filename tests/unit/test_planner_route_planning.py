@@ -10,9 +10,11 @@ import pytest
 
 from common.constants import FOOTPRINT_RADIUS_M
 from common.geometry import Pose2
+from common.grid_cells import FREE, UNKNOWN, WALL
 from onboard.planner.exploration.queries import FindPathBefore
 from onboard.planner.grid.deliberation import Grids
 from onboard.planner.grid.grid_map import STAND_CLEARANCE_M, Cell, GridMap, Mask
+from onboard.planner.routing.reachable import reachable
 from onboard.planner.routing.route_planning import (
     TIGHT_CLEARANCE_M,
     TIGHT_PRICE,
@@ -199,3 +201,22 @@ def test_a_door_is_driven_to_on_the_side_that_paths_lead_to_and_as_near_as_the_f
         assert abs(path[-1][0] - 6.0) < 0.11
         assert -0.01 < side * (path[-1][1] - 2.55) - STAND_CLEARANCE_M < 0.11
     assert FindPathBefore(1, Pose2(2.0, 2.0, 0.0), (20.0, 20.0), ()).answer(grids) is None
+
+
+def test_cells_count_as_reachable_where_a_path_leads_to_them() -> None:
+    chance = np.random.default_rng(3)
+    for _ in range(20):
+        coarse = chance.choice(np.array([UNKNOWN, FREE, FREE, WALL], np.uint8), (6, 7))
+        grid = GridMap(np.kron(coarse, np.ones((9, 9), np.uint8)), 0.0, 0.0, 0.1)
+        start = (31, 31)
+        prices = cell_prices(grid, start)
+        found = reachable(prices, start)
+        for cell in [tuple(chance.integers(0, 54, 2).tolist()) for _ in range(30)]:
+            if prices.of(start):
+                assert found[cell] == (bool(prices.of(cell)) and shortest_path(prices, start, {cell}) is not None)
+
+
+def test_a_robot_on_a_cell_that_an_echo_made_a_wall_of_reaches_the_floor_around_it() -> None:
+    grid = hall()
+    grid.cells[grid.cell(4.0, 2.0)] = WALL
+    assert reachable(cell_prices(grid, grid.cell(4.0, 2.0)), grid.cell(4.0, 2.0))[grid.cell(7.0, 2.0)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from common.geometry import Points, Pose2
@@ -10,6 +11,7 @@ from onboard.planner.exploration.corner_closing import closed_corners
 from onboard.planner.exploration.frontiers import FrontierGroup, groups, worth_a_visit
 from onboard.planner.exploration.unknown_floor import UnknownFloor
 from onboard.planner.grid.grid_map import GridMap
+from onboard.planner.grid.recent import RecentResults
 from tests.unit.test_planner_grid_map import Box, drawn
 
 NOTHING: Points = np.zeros((0, 2))
@@ -79,3 +81,23 @@ def test_a_patch_that_the_footprint_does_not_fit_into_is_no_entry() -> None:
     assert listed(cells, NOTHING) == []
     cells.cells[30:36, 40:44] = 0  # unknown
     assert listed(cells, NOTHING) == []
+
+
+def test_what_lies_beyond_is_looked_for_again_only_where_something_changed() -> None:
+    computed: list[int] = []
+
+    def total(cells: npt.NDArray[np.int64]) -> float:
+        computed.append(1)
+        return float(cells.sum())
+
+    recent, cells = RecentResults(), np.arange(6)
+    for _ in range(3):
+        recent.turn()
+        assert recent.of(total, cells) == 15.0
+    assert len(computed) == 1
+    assert recent.of(total, cells.reshape(2, 3)) == recent.of(total, cells + 1) - 6.0
+    assert len(computed) == 3
+    recent.turn()
+    recent.turn()  # nobody asked in between
+    recent.of(total, cells)
+    assert len(computed) == 4

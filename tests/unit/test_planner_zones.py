@@ -18,7 +18,7 @@ from common.messages.topics import PLAN, ZONES
 from common.zones import Zone, ZoneKind, gap_m, zones_of
 from onboard.planner.exploration.queries import FindPath, JudgedGrid, JudgeGrid, JudgeLeftOut
 from onboard.planner.grid.deliberation import Grids
-from onboard.planner.grid.grid_reading import read, without_zones
+from onboard.planner.grid.grid_reading import GridReader, without_zones
 from onboard.planner.zones.zone_file import ZONES_NAME
 from onboard.planner.zones.zone_guard import ZoneGuard, with_border
 from onboard.planner.zones.zone_keeper import ZoneKeeper
@@ -38,17 +38,17 @@ def order(operation: Operation, *corners: tuple[float, float], zone: int = 0, co
 
 @pytest.mark.parametrize("zone", [LINE, AREA, ONLY])
 def test_wherever_the_footprint_may_stand_it_keeps_clear_of_a_zone(zone: Zone) -> None:
-    grid = read(update_of(hall()), (zone,))
+    grid = GridReader().read(update_of(hall()), (zone,))
     standing = grid.centres(np.argwhere(grid.standable()))
     gaps = [gap_m((zone,), x_m, y_m) for x_m, y_m in standing.tolist()]
     assert min(gaps) > FOOTPRINT_RADIUS_M + 0.15
     assert min(gaps) < FOOTPRINT_RADIUS_M + 0.45
-    assert (grid.cells == WALL).sum() == (read(update_of(hall())).cells == WALL).sum()
+    assert (grid.cells == WALL).sum() == (GridReader().read(update_of(hall())).cells == WALL).sum()
 
 
 def test_without_its_zones_a_grid_is_what_it_was() -> None:
-    bare = read(update_of(hall()))
-    lifted = without_zones(read(update_of(hall()), (AREA, LINE)))
+    bare = GridReader().read(update_of(hall()))
+    lifted = without_zones(GridReader().read(update_of(hall()), (AREA, LINE)))
     assert (lifted.cells == bare.cells).mean() > 0.999
     assert without_zones(bare) is bare
 

@@ -16,9 +16,10 @@ from onboard.planner.exploration.unknown_floor import UnknownFloor
 from onboard.planner.exploration.wall_imaging import Imaged, spots
 from onboard.planner.grid.deliberation import Grids
 from onboard.planner.grid.grid_map import Cell, GridMap, Mask
-from onboard.planner.grid.grid_reading import GridError, read, without_zones
+from onboard.planner.grid.grid_reading import GridError, without_zones
 from onboard.planner.routing.destination import nearest_cells
 from onboard.planner.routing.path_following import Path
+from onboard.planner.routing.reachable import reachable
 from onboard.planner.routing.route_planning import cell_prices, cheapest_path
 from onboard.planner.routing.tour import PLACES_MAX, tours_m
 from onboard.planner.routing.walking_distances import WalkingDistances
@@ -62,14 +63,15 @@ class JudgeGrid:
         new = None
         if self.update is not None:
             try:
-                new = read(self.update, self.zones)
+                new = grids.reader.read(self.update, self.zones)
             except GridError as error:
                 return error
             grids.put(self.revision, new)
         grid = grids.of(self.revision)
+        grids.recent.turn()
         out_of_reach = ~_reachable(grid, self.pose) | blocked_cells(grid, self.obstacles)
         frontier = worth_a_visit(grid, out_of_reach, self.pose, self.left_out)
-        listed = groups(frontier, UnknownFloor(grid, self.trail))
+        listed = groups(frontier, UnknownFloor(grid, self.trail, grids.recent))
         return JudgedGrid(self.revision, together(listed), listed, self.changes, new)
 
 
@@ -78,7 +80,7 @@ def _reachable(grid: GridMap, pose: Pose2) -> Mask:
     here = grid.cell(pose.x_m, pose.y_m)
     if not grid.contains(here):
         return np.ones(grid.cells.shape, dtype=bool)
-    return WalkingDistances(cell_prices(grid, here), grid.cell_m).reachable(here, grid.cells.shape)
+    return reachable(cell_prices(grid, here), here)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,8 @@ from typing import Any, Protocol, TypeVar
 
 from common.side_work import DeferredWorker, SideWorker, Work
 from onboard.planner.grid.grid_map import GridMap
+from onboard.planner.grid.grid_reading import GridReader
+from onboard.planner.grid.recent import RecentResults
 
 LATENCY_S = 0.1  # of the messages' clock, in lockstep: stands for the time that an answer takes
 BESIDE = "onboard.planner.grid.deliberation:load"  # what the process of the answers loads
@@ -20,9 +22,11 @@ T = TypeVar("T")
 
 
 class Grids:
-    """The newest grids by revision."""
+    """The newest grids by revision, and what was found on them."""
 
     def __init__(self) -> None:
+        self.reader = GridReader()
+        self.recent = RecentResults()
         self._grids: dict[int, GridMap] = {}
 
     def put(self, revision: int, grid: GridMap) -> None:

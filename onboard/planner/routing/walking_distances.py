@@ -32,24 +32,6 @@ class WalkingDistances:
         self._columns: int = -(-passable.shape[1] // BLOCK_CELLS)
         self._neighbours = _neighbours(passable)
 
-    def reachable(self, start: Cell, shape: tuple[int, int]) -> Mask:
-        """Cells (rows, columns) of a grid of that shape in blocks that paths from one cell lead to."""
-        found = {self._block(start)}
-        stack = list(found)
-        while stack:
-            for near, _ in self._neighbours.get(stack.pop(), ()):
-                if near not in found:
-                    found.add(near)
-                    stack.append(near)
-        blocks = np.zeros(-(-shape[0] // BLOCK_CELLS) * self._columns, dtype=bool)
-        blocks[[block for block in found if 0 <= block < len(blocks)]] = True
-        cells: Mask = (
-            blocks.reshape(-1, self._columns)
-            .repeat(BLOCK_CELLS, axis=0)
-            .repeat(BLOCK_CELLS, axis=1)[: shape[0], : shape[1]]
-        )
-        return cells
-
     def of(self, start: Cell, goals: Sequence[Cell]) -> FloatArray:
         """From one cell of the grid to others (N,), metres; infinite where no path leads."""
         blocks = [self._block(goal) for goal in goals]
