@@ -84,6 +84,18 @@ def test_room_before_a_one_is_wider_than_behind_the_last_letter_of_a_narrow_plat
     assert check(cv2.GaussianBlur(wall, (0, 0), 0.8).astype(np.uint8), "106B").damage == ""
 
 
+@pytest.mark.parametrize("text", ["1/45A", "1/19"])
+@pytest.mark.parametrize("room", [0.07, 0.12, 0.17])
+def test_digits_of_one_width_stand_in_the_middle_of_a_plate_though_the_ink_of_the_one_does_not(
+    text: str, room: float
+) -> None:
+    picture = drawn((text, 65, 0))
+    begins, ends = 65, 65 + round(font_for_capitals("DejaVu Sans", CAPITAL_PX).getlength(text))
+    out = round(room * CAPITAL_PX)
+    picture[:, : begins - out] = picture[:, ends + out :] = 150
+    assert check(cv2.GaussianBlur(picture, (0, 0), 0.6), text).damage == ""
+
+
 @pytest.mark.parametrize("gap_px", [3, 4, 6])
 def test_border_of_a_plate_close_above_a_whole_number_is_no_damage(gap_px: int) -> None:
     picture = drawn(("108B", 65, 0))

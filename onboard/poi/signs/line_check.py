@@ -31,6 +31,7 @@ COLUMN_BUSY = 0.12  # share of a column that differs
 CROSSED = 0.1  # columns in which something runs through the line
 GAP_MAX, GAP_TIMES = 0.5, 2.0  # between letters of one word: absolute, and in usual gaps
 HEIGHT_OFF, FOOT_OFF = 0.14, 0.14  # of a digit from the others
+DIGIT_WIDE = 0.5  # usual digits but 1 are wider; separators are narrower
 NARROW = 0.62  # share of the usual digit's width; "1" is left out
 FAINT = 0.45  # share of the usual letter's contrast
 RUNNING_TOGETHER = 0.6  # letters per character: from there on each letter is not seen by itself
@@ -166,7 +167,7 @@ def _damage(
         for letter, character in ((line.letters[0], characters[0]), (line.letters[-1], characters[-1]))
     ):
         return "a dash that was not read"
-    return _covered(line, capital) or _missing(line, capital, own, characters, spaces) or _uneven(line, own, characters)
+    return _covered(line, capital, characters) or _missing(line, capital, own, characters, spaces) or _uneven(line, own, characters)
 
 
 def _is_dash(letter: Letter, top: float, capital: float) -> bool:
@@ -181,7 +182,7 @@ def _extent(line: Strokes, capital: float) -> tuple[float, float, float, float]:
     return line.letters[0].x, line.letters[-1].right, min(a.y for a in tall), max(a.bottom for a in tall)
 
 
-def _covered(line: Strokes, capital: float) -> str:
+def _covered(line: Strokes, capital: float, characters: Sequence[Character]) -> str:
     """Whether anything touches the line from a side: half a letter, or the border of what hides the rest of it."""
     x0, x1, top, bottom = _extent(line, capital)
     rows = slice(max(round(top + 0.1 * capital), 0), round(bottom - 0.1 * capital) + 1)
@@ -207,29 +208,42 @@ def _covered(line: Strokes, capital: float) -> str:
         and (profile is across or way * (edge[0] - end) < TOUCHING * capital)
     ]
     close += edges_along(line, capital)
-    if ("left" in close or "right" in close) and _in_the_middle(across, (x0, x1), capital, step):
+    if ("left" in close or "right" in close) and _in_the_middle(
+        across, (x0, x1), _room_of_ones(line, capital, characters), capital, step
+    ):
         close = [side for side in close if side not in ("left", "right")]
     return next((f"an edge close {side}" for side in close), "")
 
 
-def _in_the_middle(across: Profile, ends: tuple[float, float], capital: float, step: float) -> bool:
+def _room_of_ones(line: Strokes, capital: float, characters: Sequence[Character]) -> tuple[float, float]:
+    """How much room a 1 may leave beside it at the left and right end, since it is set as wide as another digit."""
+    wide = [a.width for a in line.letters if a.width > DIGIT_WIDE * capital]
+    usual = float(np.median(wide)) if wide else 0.0
+    ends = (line.letters[0], characters[0]), (line.letters[-1], characters[-1])
+    left, right = (max(usual - a.width, 0.0) / 2 if c.text == "1" else 0.0 for a, c in ends)
+    return left, right
+
+
+def _in_the_middle(
+    across: Profile, ends: tuple[float, float], more: tuple[float, float], capital: float, step: float
+) -> bool:
     """Whether letters between these ends have like borders on both sides, as a number that fills a narrow plate.
 
     What covers a line has one border, and that is at the letters. Looked for further out than a border may be near,
-    since of one on the limit only a part would count.
+    since of one on the limit only a part would count. On each side there may be so much `more` room.
     """
     reach, out = max(round(EDGE * capital), 1), (BESIDE_FREE + EDGE + CENTRED) * capital
     inward = INWARD * capital
     borders = [
-        _edge(across, (end - way * inward, end + way * out), reach, capital, step)
-        for end, way in zip(ends, (-1.0, 1.0), strict=True)
+        _edge(across, (end - way * inward, end + way * (out + room)), reach, capital, step)
+        for end, way, room in zip(ends, (-1.0, 1.0), more, strict=True)
     ]
     if borders[0] is None or borders[1] is None:
         return False
     (left_at, left_step), (right_at, right_step) = borders[0], borders[1]
     beside = ends[0] - left_at, right_at - ends[1]
-    same = abs(beside[0] - beside[1]) < CENTRED * capital and abs(left_step - right_step) < SAME_STEP * abs(left_step)
-    return same and min(beside) > CLEAR * capital
+    same = -more[1] - CENTRED * capital < beside[0] - beside[1] < more[0] + CENTRED * capital
+    return same and abs(left_step - right_step) < SAME_STEP * abs(left_step) and min(beside) > CLEAR * capital
 
 
 def _edge(
