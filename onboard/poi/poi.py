@@ -7,7 +7,6 @@ unread), RETAKE (to the planner), status and log. A latched stop ends the taking
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 from math import hypot, radians
 from typing import Any
 
@@ -24,7 +23,7 @@ from onboard.poi.camera.frame import FULL_SIZE_PX
 from onboard.poi.camera.frame_source import FrameSource
 from onboard.poi.doors.door_association import Door, State
 from onboard.poi.doors.door_detection import ColourBox
-from onboard.poi.doors.observations import Sign
+from onboard.poi.doors.published import SAME_RECORD_M, PublishedRecords
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, plate_spots, pose_before
 from onboard.poi.signs.ocr_engine import SignReader
@@ -37,7 +36,6 @@ RECORD_PERIOD_S = 1.0  # between two searches for records to publish
 PASSED_M = 1.6  # from there on a door is out of view
 PASSED_S = 20.0  # or was not observed for so long
 MOVED_M = 0.04  # a record whose place changed less is not published again
-SAME_RECORD_M = 0.6  # a door nearer to a record belongs to it; doors stand further apart
 RETAKE_NEAR_M = 4.0  # the robot does not drive further back than this
 BLIND = (ErrorCode.NO_FRAMES, ErrorCode.FRAMES_FROZEN, ErrorCode.FRAMES_DARK, ErrorCode.FRAMES_BRIGHT)
 DOOR, NAME_TAG = "Door", "Name Tag"
@@ -57,17 +55,6 @@ def reader_of(section: PoiSection) -> Read:
     return lambda job: read(job, reader, rules, camera)
 
 
-@dataclass(slots=True)
-class _Published:
-    """A record as it was published last."""
-
-    poi_id: int
-    point: WallPoint
-    sign: Sign | None
-    content: tuple[str, str, str]  # state, number, room type
-    quality: float
-
-
 class Poi:
     """Node "poi". `worker` decides whether it reads beside the loop or in simulated time; `board` reports on the
     computer.
@@ -78,7 +65,12 @@ class Poi:
     wakes_on: tuple[Topic[Any], ...] = ()
 
     def __init__(
-        self, section: PoiSection, source: FrameSource, worker: ReadingWorker, board: BoardReporter | None = None
+        self,
+        section: PoiSection,
+        source: FrameSource,
+        worker: ReadingWorker,
+        board: BoardReporter | None = None,
+        published: PublishedRecords | None = None,
     ) -> None:
         boxes = tuple(ColourBox.parse(text) for text in section.door_colours)
         self._survey = Survey(source, worker, boxes, radians(section.field_of_view_deg), site_numbers(section))
@@ -87,7 +79,7 @@ class Poi:
         self._retake = Retake()
         self._photos_before = 0
         self._visits: list[WallPoint] = []
-        self._published: list[_Published] = []
+        self._published = PublishedRecords() if published is None else published
         self._record_due_s = 0.0
         self._proposal = ""
 
@@ -108,11 +100,13 @@ class Poi:
                 self._report_proposal(self._survey.records.site)
                 self._publish_records(bus, now_s, pose, doors)
                 self._request_retake(bus, now_s, pose, doors)
+        self._published.step(now_s)
         self._report(bus, now_s, stopped)
         if self._board is not None:
             self._board.report(bus, now_s)
 
     def close(self) -> None:
+        self._published.close()
         self._survey.close()
 
     def _report_proposal(self, site: SiteNumbers) -> None:
@@ -126,28 +120,20 @@ class Poi:
             certain = door.state is State.READ and len(door.edges) == 2
             if not certain and not self._passed(door.centre, door.seen_s, pose, now_s):
                 continue
-            last = self._record_of(door)
+            last = self._published.of(door) or self._published.begin(door)
+            if not last.improves(door):
+                continue
             sign = door.sign
             content = (door.state.value, sign.number if sign else "", sign.room_type if sign else "")
             quality = sign.photo_quality if sign else 0.0
-            if last is None:
-                last = _Published(len(self._published) + 1, door.centre, sign, ("", "", ""), -2.0)
-                self._published.append(last)
             moved_m = last.point.distance_m(door.centre)
             if content == last.content and moved_m < MOVED_M:
                 continue
             photo = sign.photo if sign is not None and quality > last.quality else b""
             last.point, last.sign, last.content = door.centre, sign, content
             last.quality = max(quality, last.quality)
+            self._published.changed()
             bus.publish(POI, _record(door, last.poi_id, photo, now_s))
-
-    def _record_of(self, door: Door) -> _Published | None:
-        """The record of this door: the one with its plate, else the nearest within SAME_RECORD_M."""
-        for record in self._published:
-            if door.sign is not None and record.sign is door.sign:
-                return record
-        nearest = min(self._published, key=lambda record: record.point.distance_m(door.centre), default=None)
-        return nearest if nearest is not None and nearest.point.distance_m(door.centre) < SAME_RECORD_M else None
 
     def _passed(self, point: WallPoint, seen_s: float, pose: Pose2, now_s: float) -> bool:
         away_m = hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)

@@ -31,7 +31,7 @@ LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 # Written by the programs, named by the specification alone, or of other programs and their files
 NOT_IN_THE_SOURCES = {"map.svg", "map.png", "map.yaml", "map_points.csv", "pois.json", "summary.json", "runs/"}
 NOT_IN_THE_SOURCES |= {"k_project_budget", "k_MMU_budget"}
-NOT_IN_THE_SOURCES |= {"photos/", "process/", "settings.json", "areas.csv", "doors.csv", "zones.json"}
+NOT_IN_THE_SOURCES |= {"photos/", "process/", "settings.json", "areas.csv", "doors.csv", "zones.json", "doors.json"}
 
 
 def prose(page: Path) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from common.side_work import JobOutcome
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame, Image
 from onboard.poi.camera.sharpness import Sharpness
+from onboard.poi.doors.published import PublishedRecords
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.poi import Poi, reader_of
 from onboard.poi.retake import Phase, Retake, after, begin, pose_before
@@ -88,18 +90,20 @@ class Wall:
 class Story:
     """The node, its wall, and a drive past it. `reads` is the text on every photo of the plate."""
 
-    def __init__(self, reads: list[SignReading]) -> None:
-        self.wall, self.now_s = Wall(), 0.0
+    def __init__(self, reads: list[SignReading], file: Path | None = None, shift_m: float = 0.0) -> None:
+        """`file`: of the records; `shift_m`: so far along x on the map all of it stands."""
+        self.wall, self.now_s, self.shift_m = Wall(), 0.0, shift_m
         self.mesh = LocalMesh()
         self.bus, self.others = self.mesh.endpoint("poi"), self.mesh.endpoint("test")
         self.jobs: list[Job] = []
         self._reads = reads
-        self.node = Poi(PoiSection(), self.wall, deferred_reading(lambda: self._read))
+        worker = deferred_reading(lambda: self._read)
+        self.node = Poi(PoiSection(), self.wall, worker, published=PublishedRecords(file))
         for topic in (POI, RETAKE):
             self.others.take(topic)
         self.records: dict[int, PointOfInterest] = {}
         self.requests: list[PoiRequest] = []
-        points = np.array([(x / 10, -WALL_M) for x in range(-10, 80)], np.float32)
+        points = np.array([(shift_m + x / 10, -WALL_M) for x in range(-10, 80)], np.float32)
         self.others.publish(MAP, MapUpdate(0.0, 1, 0, points, np.zeros(len(points), np.uint8)))
 
     def _read(self, job: Job) -> Reading:
@@ -113,7 +117,7 @@ class Story:
         self.mesh.now_s = self.now_s
         self.wall.x_m += 0.05 * speed_m_s
         if round(self.now_s * 20) % 2 == 0:
-            at = (self.wall.x_m, 0.0, 0.0, 0.0)
+            at = (self.shift_m + self.wall.x_m, 0.0, 0.0, 0.0)
             self.others.publish(POSE, PoseEstimate(self.now_s, *at, 0.02, 0.01, 1))
             right = (np.nan, np.nan, np.nan, np.nan, WALL_M)
             self.others.publish(RANGES, Ranges(self.now_s, right, (0.0,) * 5))
@@ -235,6 +239,30 @@ def test_door_that_stays_unread_is_published_after_two_visits() -> None:
     assert [r.command for r in story.requests].count(PoiCommand.GOTO) == 2
     (record,) = story.records.values()
     assert (record.state, record.number) == ("unread", "")
+
+
+def after_restarts(file: Path, *drives: tuple[str, float]) -> list[PointOfInterest]:
+    """Each with a process of its own, past a door with that number so far along the hall; all that they publish."""
+    published = []
+    for number, shift_m in drives:
+        story = Story([plate(number)] if number else [unclear()], file, shift_m)
+        story.drive_to(5.5)
+        story.node.close()
+        published += story.records.values()
+    return published
+
+
+def test_after_a_restart_records_keep_their_numbers_and_new_ones_go_on(tmp_path: Path) -> None:
+    """What was read then is not replaced by what cannot be read now."""
+    drives = ("304", 0.0), ("", 0.0), ("305", 8.0)
+    records = after_restarts(tmp_path / "doors.json", *drives)
+    assert [(record.poi_id, record.number) for record in records] == [(1, "304"), (2, "305")]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[[1, 2]]", '[[1, "x", 0, 0, "", "", "", 0]]', "[[0, 0, 0, 0, 1, 2, 3, 4]]"])
+def test_where_the_file_is_damaged_numbers_begin_anew(text: str, tmp_path: Path) -> None:
+    (tmp_path / "doors.json").write_text(text, encoding="utf-8")
+    assert len(PublishedRecords(tmp_path / "doors.json")) == 0
 
 
 def test_lost_frames_are_an_error_that_heals_and_stops_nothing() -> None:

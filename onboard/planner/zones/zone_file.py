@@ -4,25 +4,13 @@ from __future__ import annotations
 
 import json
 import logging
-import os
-from collections.abc import Sequence
 from pathlib import Path
 
-from common.zones import Zone, as_json, of_json
+from common.zones import Zone, of_json
 
 ZONES_NAME = "zones.json"  # in the log folder of the planner
 
 _log = logging.getLogger("planner")
-
-
-def write_zones(file: Path, zones: Sequence[Zone]) -> None:
-    """Durable when it returns. Raises OSError, and then the old one is still there."""
-    part = file.with_suffix(".part")
-    with part.open("w", encoding="utf-8") as stream:
-        json.dump(as_json(zones), stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    part.replace(file)
 
 
 def read_zones(file: Path) -> tuple[Zone, ...] | None:

@@ -7,24 +7,19 @@ everything: the robot stands until a person has drawn them anew, or removed them
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from common.disk_worker import disk_worker
 from common.fields import ZONES_MAX
 from common.geometry import Pose2
+from common.kept_file import KeptFile
 from common.messages.mission import Operation, OperatorCommand
-from common.side_work import SideWorker
-from common.zones import KIND_OF, Zone, corners_of, gap_m, keeps_out, problem_with
-from onboard.planner.zones.zone_file import read_zones, write_zones
+from common.zones import KIND_OF, Zone, as_json, corners_of, gap_m, keeps_out, problem_with
+from onboard.planner.zones.zone_file import read_zones
 from onboard.planner.zones.zone_guard import ZoneGuard
 
-RETRY_S = 1.0  # after the disk refused
-LOOK_S = 0.05  # between two looks whether the disk is done
 HOME = Pose2(0.0, 0.0, 0.0)
 ROOM_M = 0.6  # from the middle of the robot, where it stands and at home: footprint, clearance, and what is added
 
@@ -43,14 +38,15 @@ class ZoneKeeper:
     """Without a file it forgets, for lockstep and tests. `revision` grows with every change."""
 
     def __init__(self, file: Path | None = None) -> None:
-        self._file = file
-        self._disk: SideWorker[Callable[[], Any], Any] | None = None  # once there is something to store
-        self._retry_s = float("-inf")
-        self.revision = self._stored = 0
+        self._kept = KeptFile(file, lambda: as_json(self.zones), _log)
         loaded = _load(file) if file is not None else ()
         self.damaged = loaded is None
         self.zones: tuple[Zone, ...] = loaded or ()
         self.guard = ZoneGuard(self.zones)
+
+    @property
+    def revision(self) -> int:
+        return self._kept.revision
 
     def forbids(self, place_m: tuple[float, float]) -> bool:
         """May the robot's centre not be there?"""
@@ -75,48 +71,15 @@ class ZoneKeeper:
 
     def step(self, now_s: float) -> None:
         """Stores what has changed."""
-        outcome = self._disk.result(now_s) if self._disk is not None else None
-        if outcome is not None and outcome.error is not None:
-            self._refused(outcome.error)
-            self._retry_s = now_s + RETRY_S
-        elif outcome is not None and outcome.value is not None:
-            self._stored = outcome.value
-        if not self._to_store or now_s < self._retry_s:
-            return
-        self._disk = self._disk or disk_worker("zones")
-        if not self._disk.busy:
-            self._disk.begin(self._store, now_s)
+        self._kept.step(now_s)
 
     def due_s(self, now_s: float) -> float:
         """When `step` has something to do (s)."""
-        if self._disk is not None and self._disk.busy:
-            return now_s + LOOK_S
-        return max(now_s, self._retry_s) if self._to_store else float("inf")
+        return self._kept.due_s(now_s)
 
     def close(self) -> None:
         """Stores what is not yet."""
-        outcome = self._disk.close() if self._disk is not None else None
-        if outcome is not None and outcome.value is not None:
-            self._stored = outcome.value
-        if self._to_store:
-            try:
-                self._store()
-            except OSError as error:
-                self._refused(error)
-
-    @property
-    def _to_store(self) -> bool:
-        return self._file is not None and self._stored != self.revision
-
-    def _store(self) -> int:
-        """The revision that the disk has then; called by its thread."""
-        revision, zones = self.revision, self.zones  # in this order: newer zones are stored once more
-        if self._file is not None:
-            write_zones(self._file, zones)
-        return revision
-
-    def _refused(self, error: Exception) -> None:
-        _log.error("zones not stored file=%s error=%s", self._file, error)
+        self._kept.close()
 
     def _remove(self, number: int) -> ZoneAnswer:
         """Number 0 means all of them."""
@@ -128,7 +91,7 @@ class ZoneKeeper:
 
     def _become(self, zones: tuple[Zone, ...]) -> None:
         self.zones, self.guard, self.damaged = zones, ZoneGuard(zones), False
-        self.revision += 1
+        self._kept.changed()
         _log.info("zones=%s", "; ".join(f"{zone.title} {zone.corners_m}" for zone in zones) or "none")
 
 
