@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, isnan, nan, sin
 
 from common.fields import (
     GRID_CELLS_MAX,
@@ -16,6 +17,7 @@ from common.fields import (
     Metres,
     Poses,
     Radians,
+    Range,
     Seconds,
     Spread,
     Times,
@@ -32,10 +34,19 @@ class PoseEstimate:
     y_m: Metres
     heading_rad: Radians
     yaw_rad: Radians  # SIM's yaw at t_s: heading_rad - yaw_rad turns a map heading into a drive command
-    sd_xy_m: Spread
+    sd_xy_m: Spread  # in the worst direction
     sd_heading_rad: Spread
     map_revision: Count
     valid: bool = True
+    sd_least_m: Range = nan  # at right angles to the worst direction, which is `worst_rad` on the map; NaN: the same
+    worst_rad: Radians = 0.0
+
+    @property
+    def covariance(self) -> tuple[float, float, float]:
+        """Of the position on the map: xx, xy, yy (m²)."""
+        worst, least = self.sd_xy_m**2, (self.sd_xy_m if isnan(self.sd_least_m) else self.sd_least_m) ** 2
+        c, s = cos(self.worst_rad), sin(self.worst_rad)
+        return c * c * worst + s * s * least, c * s * (worst - least), s * s * worst + c * c * least
 
     @property
     def pose(self) -> Pose2:

@@ -86,19 +86,18 @@ def of_sonar_frames(time_ns: int) -> Sent:
     return "/tf_static", _transforms(time_ns, ROBOT_FRAME, frames)
 
 
-def _covariance(sd_xy_m: float, sd_heading_rad: float) -> Any:
+def _covariance(pose: PoseEstimate) -> Any:
     """6 x 6, row by row: x, y, z, and the rotations about them."""
     covariance = np.zeros((6, 6))
-    covariance[0, 0] = covariance[1, 1] = sd_xy_m**2
-    covariance[5, 5] = sd_heading_rad**2
+    xx, xy, yy = pose.covariance
+    covariance[:2, :2] = [[xx, xy], [xy, yy]]
+    covariance[5, 5] = pose.sd_heading_rad**2
     return covariance.ravel()
 
 
 def of_pose(time_ns: int, pose: PoseEstimate) -> tuple[Sent, Sent]:
     place = pose.x_m, pose.y_m, pose.heading_rad
-    with_covariance = _type("geometry_msgs/msg/PoseWithCovariance")(
-        pose=_place(*place), covariance=_covariance(pose.sd_xy_m, pose.sd_heading_rad)
-    )
+    with_covariance = _type("geometry_msgs/msg/PoseWithCovariance")(pose=_place(*place), covariance=_covariance(pose))
     stamped = _type("geometry_msgs/msg/PoseWithCovarianceStamped")(
         header=_header(time_ns, MAP_FRAME), pose=with_covariance
     )

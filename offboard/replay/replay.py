@@ -94,7 +94,7 @@ def _shifted(poses: FloatArray, by_m: FloatArray) -> FloatArray:
 
 def _unrecognised(slam: Slam, begun: list[int]) -> list[int]:
     """The newest of the pieces begun, if it is not connected to the map from before."""
-    return begun[-1:] if isinf(slam.uncertainty[0]) else []
+    return begun[-1:] if isinf(slam.uncertainty.sd_m) else []
 
 
 def write_replay(folder: Path, run: Replayed) -> None:

@@ -63,11 +63,20 @@ class ReplayRecord:
         """The newest of everything, as often as the mapping unit publishes it."""
         if self._pose_pace.due(t_s):
             x_m, y_m, heading_rad = in_frame_of_log(slam.pose.as_array()[None], self._log)[0].tolist()
-            sd_xy_m, sd_heading_rad = slam.uncertainty
-            self._keep(
-                POSE,
-                PoseEstimate(t_s, x_m, y_m, heading_rad, 0.0, sd_xy_m, sd_heading_rad, slam.map.revision),
+            doubt = slam.uncertainty
+            pose = PoseEstimate(
+                t_s,
+                x_m,
+                y_m,
+                heading_rad,
+                0.0,
+                doubt.sd_m,
+                doubt.sd_heading_rad,
+                slam.map.revision,
+                sd_least_m=doubt.sd_least_m,
+                worst_rad=doubt.worst_rad,
             )
+            self._keep(POSE, pose)
         update = self._increments.next(slam.map, t_s)
         if update is not None:
             points_m = (update.points_m + self._log.centre_m).astype(np.float32)

@@ -148,6 +148,9 @@ def _pose(model: LiveModel) -> PageMessage:
         y_m=round(pose.y_m, 4),
         heading_rad=round(pose.heading_rad, 4),
         sd_xy_m=round(pose.sd_xy_m, 3),
+        sd_least_m=round(pose.sd_least_m, 3),
+        worst_rad=round(pose.worst_rad, 3),
+        sd_heading_rad=round(pose.sd_heading_rad, 4),
         valid=pose.valid,
         arrived_s=round(model.arrived_s["pose"], 3),
     )

@@ -103,17 +103,19 @@ class MappingUnit:
 
     def _publish_pose(self, bus: Bus, odometry: Odometry) -> None:
         pose = self._slam.pose
-        sd_xy_m, sd_heading_rad = self._slam.uncertainty
+        uncertainty = self._slam.uncertainty
         self._pose = PoseEstimate(
             t_s=odometry.t_s,
             x_m=pose.x_m,
             y_m=pose.y_m,
             heading_rad=pose.heading_rad,
             yaw_rad=odometry.yaw_rad,
-            sd_xy_m=sd_xy_m,
-            sd_heading_rad=sd_heading_rad,
+            sd_xy_m=uncertainty.sd_m,
+            sd_heading_rad=uncertainty.sd_heading_rad,
             map_revision=self._slam.map.revision,
-            valid=sd_xy_m < MAX_SD_M,
+            valid=uncertainty.sd_m < MAX_SD_M,
+            sd_least_m=uncertainty.sd_least_m,
+            worst_rad=uncertainty.worst_rad,
         )
         bus.publish(POSE, self._pose)
 

@@ -20,7 +20,7 @@ from common.messages.motion import Odometry, Ranges
 from onboard.mmu.back_end.back_end_link import BackEndLink, BackEndWorker
 from onboard.mmu.back_end.exchange import Correction
 from onboard.mmu.front_end.dead_reckoning import DeadReckoning
-from onboard.mmu.front_end.localisation import Localisation
+from onboard.mmu.front_end.localisation import Localisation, Uncertainty
 from onboard.mmu.front_end.odometry import board_pose
 from onboard.mmu.front_end.range_features import BEAM_HALF_RAD, RangeFeatures
 from onboard.mmu.front_end.stated_pose import SD_MIN_M, SD_MIN_RAD, Beams, Verdict, judge
@@ -81,8 +81,7 @@ class Slam:
         return self._keyframes.pose_of(self._odometry.pose)
 
     @property
-    def uncertainty(self) -> tuple[float, float]:
-        """Standard deviations of position (metres) and heading (radians)."""
+    def uncertainty(self) -> Uncertainty:
         return self._localisation.uncertainty(self._odometry.path_m)
 
     @property
@@ -192,7 +191,7 @@ class Slam:
         certain = not odometry.kidnapped
         odometry.kidnapped = False
         if stated is not None:
-            self._localisation.place(motion.path_m, stated.sd_m, stated.sd_rad)
+            self._localisation.place(motion.path_m, len(self._keyframes.keyframes), stated.sd_m, stated.sd_rad)
         elif not certain:
             self._localisation.kidnap(motion.path_m)
         turned_rad, calibrated_rad = odometry.turned_rad, odometry.calibrated_rad
@@ -215,7 +214,9 @@ class Slam:
         self._keyframes.poses.correct(correction.poses)
         self._odometry.filter.calibrate(correction.drift_rad_per_m, correction.turn_scale_error)
         self.closures = correction.closures
-        self._localisation.close(correction.closure_path_m)
+        newest = len(correction.poses) - 1
+        path_m = self._keyframes.keyframes[newest].path_m
+        self._localisation.correct(correction.covariance, newest, path_m, correction.closure_path_m)
         self._drawn.replace(correction.grid, correction.walls, self._back_end.submitted)
 
     def _last_seen(self) -> LastSeen | None:

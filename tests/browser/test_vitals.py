@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import re
 from collections.abc import Callable
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -55,13 +56,23 @@ def test_every_sonar_that_received_an_echo_has_its_ray_and_the_doubt_of_the_pose
     assert not pink(1.6, 1.6), "where nothing answered"
     assert not pink(3.4, 1.0), "beyond the echo"
 
-    def shown(sd_xy_m: float, x_m: float) -> bool:
-        robot.feed.take(POSE, PoseEstimate(0.0, 1.0, 1.0, 0.0, 0.0, sd_xy_m, 0.01, 1))
-        return bool(seen.page.evaluate(PIXEL, [x_m, 0.95])[3])
+    def shown(x_m: float, y_m: float, sd_m: float, **least: float) -> bool:
+        robot.feed.take(POSE, PoseEstimate(0.0, 1.0, 1.0, 0.0, 0.0, sd_m, 0.01, 1, **least))
+        return bool(seen.page.evaluate(PIXEL, [x_m, y_m])[3])
 
-    behind = 1.0 - 0.22 - 0.5  # half a metre behind the robot
-    seen.until(lambda: shown(0.30, behind), "the circle of 0.6 m around it")
-    seen.until(lambda: not shown(0.20, behind), "the circle of 0.4 m around it")
+    away = 0.22 + 0.5  # half a metre beside the robot
+    seen.until(lambda: shown(1.0 - away, 0.95, 0.25), "the circle of 0.6 m around it")
+    seen.until(lambda: not shown(1.0 - away, 0.95, 0.15), "the circle of 0.4 m around it")
+    across = {"sd_least_m": 0.1, "worst_rad": pi / 2}
+    seen.until(lambda: shown(1.05, 1.0 + away, 0.25, **across), "the ellipse across its way")
+    assert not shown(1.0 - away, 0.95, 0.25, **across), "along its way"
+
+    def sector(sd_rad: float) -> bool:
+        robot.feed.take(POSE, PoseEstimate(0.0, 1.0, 1.0, 0.0, 0.0, 0.02, sd_rad, 1))
+        return bool(seen.page.evaluate(PIXEL, [1.9, 1.25])[3])
+
+    seen.until(lambda: sector(0.2), "the sector of its heading")
+    seen.until(lambda: not sector(0.1), "a slimmer one")
     robot.late_s += 5.0
     seen.until(lambda: not pink(3.0, 1.0), "old echoes being gone")
 

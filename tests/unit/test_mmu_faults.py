@@ -124,17 +124,17 @@ def test_a_board_that_restarts_goes_on_where_it_stood() -> None:
     again = reports(20.0, stands, session=2, begin_s=begun_s)
     fed(again, slam)
     assert slam.pose.distance_m(true_pose(again[-1], stands)) < 0.2
-    assert slam.uncertainty[0] < 1.0
+    assert slam.uncertainty.sd_m < 1.0
 
 
 def test_ticks_that_jump_for_good_make_the_pose_uncertain() -> None:
     slam = fed(DRIVE[:200])
-    assert slam.uncertainty[0] < 1.0
+    assert slam.uncertainty.sd_m < 1.0
     jumped = [
         (replace(o, ticks_left=o.ticks_left + 10**6, ticks_right=o.ticks_right + 10**6), r) for o, r in DRIVE[200:220]
     ]
     fed(jumped, slam)
-    assert slam.uncertainty[0] == inf
+    assert slam.uncertainty.sd_m == inf
 
 
 def saved_after(messages: list[Report], file: Path) -> SavedMap:
@@ -150,7 +150,7 @@ def test_a_process_that_restarts_goes_on_in_its_map(tmp_path: Path) -> None:
     """The board counted on while the process was away for five seconds."""
     saved = saved_after(DRIVE[:400], tmp_path / "map.npz")
     slam = fed(DRIVE[450:], Slam(deferred_back_end(), saved=saved))
-    assert slam.uncertainty[0] < 1.0
+    assert slam.uncertainty.sd_m < 1.0
     assert off_m(slam, DRIVE[-1]) < 0.2
     assert len(slam.trajectory()[1]) > len(saved.poses)
     assert slam.map.wall_count > len(saved.echoes)
@@ -159,5 +159,5 @@ def test_a_process_that_restarts_goes_on_in_its_map(tmp_path: Path) -> None:
 def test_a_robot_that_may_have_been_kidnapped_knows_nothing_at_first(tmp_path: Path) -> None:
     saved = saved_after(DRIVE[:400], tmp_path / "map.npz")
     slam = fed(reports(1.0, session=9), Slam(deferred_back_end(), saved=saved))
-    assert slam.uncertainty[0] == inf
+    assert slam.uncertainty.sd_m == inf
     assert np.isfinite(slam.pose.as_array()).all()

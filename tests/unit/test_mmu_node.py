@@ -166,6 +166,19 @@ def test_pose_stays_true_all_the_way_round(driven: Bench) -> None:
     assert all(pose.valid for pose in poses)
 
 
+def test_the_doubt_of_the_pose_holds_its_error_and_is_smaller_where_walls_measure_it(driven: Bench) -> None:
+    poses = driven.poses[-len(driven.truth) :]
+    chi2 = []
+    for pose, truth in zip(poses[50:], driven.truth[50:], strict=True):
+        on_map = START.between(truth)
+        xx, xy, yy = pose.covariance
+        error = np.array([pose.x_m - on_map.x_m, pose.y_m - on_map.y_m])
+        chi2.append(error @ np.linalg.solve([[xx, xy], [xy, yy]], error))
+    assert np.percentile(chi2, 95) < 5.99  # of two degrees of freedom
+    assert np.mean([pose.sd_least_m / pose.sd_xy_m for pose in poses[50:]]) < 0.8
+    assert max(pose.sd_xy_m for pose in poses) < 0.3
+
+
 @pytest.mark.requirement("MMU_MR_03")
 def test_wall_points_lie_on_walls(driven: Bench) -> None:
     distance_m = wall_distance_m(START.transform(driven.received_map()))

@@ -195,3 +195,19 @@ def test_a_graph_without_factors_is_at_rest(nodes: int) -> None:
         graph.add_node(Pose2(float(i), 0.0, 0.0))
     assert graph.optimise() == 0.0
     assert graph.poses.shape == (nodes, 3)
+
+
+def test_the_newest_pose_is_known_by_the_whole_graph_once_it_has_settled_and_by_odometry_since() -> None:
+    graph, truth = square()
+    by_odometry = graph.newest_covariance()
+    sd_m, sd_rad = np.sqrt(np.diag(by_odometry))[[0, 2]]
+    assert sd_m > 0.3
+    assert sd_rad == pytest.approx(radians(1.0) * (4 * SIDE) ** 0.5)
+    close(graph, truth, 0, 4 * SIDE)
+    graph.optimise()
+    assert np.sqrt(np.diag(graph.newest_covariance())) == pytest.approx([0.07, 0.07, radians(0.6)], rel=0.1)
+    node = graph.add_node(graph.pose(4 * SIDE).compose(Pose2(1.0, 0.0, 0.0)))
+    graph.odometry.add(node - 1, node, Pose2(1.0, 0.0, 0.0), ODOMETRY)
+    along_m, across_m, _ = np.sqrt(np.diag(graph.newest_covariance()))
+    assert along_m == pytest.approx(np.hypot(0.07, 0.02), rel=0.1)
+    assert across_m == pytest.approx(np.hypot(along_m, radians(0.6)), rel=0.1)

@@ -6,6 +6,7 @@ import zlib
 from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 from math import inf, nan, pi
 from typing import Any
@@ -120,6 +121,15 @@ def test_a_pose_comes_with_its_uncertainty_and_as_the_transform_from_map_to_robo
     assert (transform.header.frame_id, transform.child_frame_id) == ("map", "base_link")
     assert transform.transform.rotation.z == pytest.approx(0.5**0.5)
     assert transform.header.stamp == at.header.stamp
+
+
+def test_the_covariance_of_a_pose_is_an_ellipse_on_the_map() -> None:
+    scene = Scene()
+    scene.robot.publish(POSE, replace(pose(0.1, 2.0), sd_xy_m=0.3, sd_least_m=0.1, worst_rad=pi / 4))
+    scene.step()
+    covariance = scene.newest("/pose").pose.covariance
+    assert covariance[[0, 1, 6, 7]] == pytest.approx([0.05, 0.04, 0.04, 0.05])
+    assert standard_deviations(covariance)[0] == pytest.approx(0.3)
 
 
 def test_a_robot_that_does_not_know_where_it_is_sends_no_pose() -> None:

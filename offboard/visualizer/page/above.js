@@ -2,7 +2,7 @@
 
 const FOOTPRINT_M = 0.22;
 const ROBOT_MIN_PX = 11;
-const SIGMAS = 2; // 95 % of a normal distribution
+const SIGMAS = 2, SIGMAS_OF_PLACE = 2.45; // 95 % of a normal distribution, and of one in two dimensions
 const BEARING_M = 1.2; // as long as the sector of the heading is drawn
 const ECHO_PX = 7; // of the bar at the end of a ray
 
@@ -96,9 +96,8 @@ function drawRobot(context, view, pose, { robot, paper }, sure) {
   context.restore();
 }
 
-// Where the whole robot may stand, and the sector that holds its heading, in 95 of 100 cases. A circle: the mapping unit
-// publishes one standard deviation for both axes.
-function drawDoubt(context, view, { heading_rad, sd_xy_m, sd_heading_rad }, colour) {
+// Where the whole robot may stand, and the sector that holds its heading, in 95 of 100 cases.
+function drawDoubt(context, view, { heading_rad, sd_xy_m, sd_least_m, worst_rad, sd_heading_rad }, colour) {
   context.fillStyle = context.strokeStyle = colour;
   const middle = -(heading_rad + view.angle), half = Math.min(Math.PI, SIGMAS * sd_heading_rad);
   context.beginPath();
@@ -107,7 +106,9 @@ function drawDoubt(context, view, { heading_rad, sd_xy_m, sd_heading_rad }, colo
   context.closePath();
   context.globalAlpha = 0.22;
   context.fill();
-  circle(context, FOOTPRINT_M * view.scale + SIGMAS * sd_xy_m * view.scale);
+  const [longer, shorter] = [sd_xy_m, sd_least_m ?? sd_xy_m].map((sd_m) => (FOOTPRINT_M + SIGMAS_OF_PLACE * sd_m) * view.scale);
+  context.beginPath();
+  context.ellipse(0, 0, longer, shorter, -(worst_rad + view.angle), 0, 2 * Math.PI);
   context.globalAlpha = 0.11;
   context.fill();
   context.globalAlpha = 0.7;

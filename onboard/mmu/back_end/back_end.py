@@ -61,6 +61,7 @@ class BackEnd:
             graph.calibration.turn_scale_error,
             self._loop_closure.count,
             self._keyframes.closure_path_m,
+            graph.newest_covariance(),
             log_lines=tuple(log_lines),
         )
 
@@ -84,6 +85,8 @@ class BackEnd:
         keyframes = self._keyframes
         for keyframe in increment.keyframes:
             keyframes.add(keyframe, increment.prior_map)
+        if any(keyframe.stated is not None for keyframe in increment.keyframes):
+            keyframes.graph.optimise()
         keyframes.echoes.append(increment.echoes)
         if increment.prior_map:
             self._matched_m = keyframes.closure_path_m = keyframes.path_m

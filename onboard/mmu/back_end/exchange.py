@@ -41,6 +41,7 @@ class Correction:
     turn_scale_error: float  # rad/rad
     closures: int
     closure_path_m: float  # path at the newest loop closure that was adopted
+    covariance: FloatArray  # (3, 3) of the newest of these poses
     # Drawn again from all that the back end has: the grid because the past moved, the walls also from time to time
     grid: OccupancyGrid | None = None
     walls: WallPoints | None = None
@@ -48,4 +49,4 @@ class Correction:
 
     @classmethod
     def lost(cls) -> Correction:
-        return cls(np.zeros((0, 3)), 0.0, 0.0, 0, 0.0)
+        return cls(np.zeros((0, 3)), 0.0, 0.0, 0, 0.0, np.zeros((3, 3)))

@@ -40,6 +40,7 @@ class PoseGraph:
 
     def __init__(self, prior: CalibrationPrior) -> None:
         self._poses = GrowingRows(shape=(3,))
+        self._covariance = 0, np.zeros((3, 3))  # of which node, as the graph last settled, or by odometry since
         self.prior = prior
         self.calibration = Calibration()
         self.odometry = OdometryFactors()
@@ -94,6 +95,19 @@ class PoseGraph:
         """A copy of all states."""
         return States.of(self._poses.rows, self.calibration)
 
+    def newest_covariance(self) -> FloatArray:
+        """(3, 3) of the newest pose, in the map, whose zero is node 0."""
+        node, covariance = self._covariance
+        for edge in self.odometry.rows[node:]:
+            here, there = self._poses.rows[edge["first"]], self._poses.rows[edge["second"]]
+            moved, turned = np.eye(3), np.eye(3)
+            moved[:2, 2] = here[1] - there[1], there[0] - here[0]
+            c, s = cos(here[2]), sin(here[2])
+            turned[:2, :2] = [[c, -s], [s, c]]
+            covariance = moved @ covariance @ moved.T + turned @ np.linalg.inv(edge["information"]) @ turned.T
+        self._covariance = len(self) - 1, covariance
+        return covariance
+
     def mark(self) -> Mark:
         """Names the constraints that there are now, so that those that come later are the new ones."""
         return tuple(len(group) for group in self.constraints)
@@ -114,12 +128,13 @@ class PoseGraph:
         before = self.states
         groups = [group for group in (self.odometry, *constraints) if len(group)]
         problem = Problem([*groups, *self.prior.groups(before.layout)], before.layout)
-        settled = problem.settle(before)
+        settled, covariance = problem.settle(before), problem.covariance(len(self) - 1)
         if _worst_chi2(self.constraints, settled, since) > PHI:
             # Graduated non-convexity (Yang et al. 2020)
             pulled = problem.settle(before, _worst_chi2(constraints, before))
             if problem.cost(pulled) < problem.cost(settled):
-                settled = pulled
+                settled, covariance = pulled, problem.covariance(len(self) - 1)
+        self._covariance = len(self) - 1, covariance
         poses = _turned_least(settled.poses, before.poses, FIRST_HEADING_RAD / self.prior.drift_rad_per_m)
         self._poses.replace(poses)
         self.calibration = settled.calibration

@@ -167,7 +167,11 @@ def _damage(
         for letter, character in ((line.letters[0], characters[0]), (line.letters[-1], characters[-1]))
     ):
         return "a dash that was not read"
-    return _covered(line, capital, characters) or _missing(line, capital, own, characters, spaces) or _uneven(line, own, characters)
+    return (
+        _covered(line, capital, characters)
+        or _missing(line, capital, own, characters, spaces)
+        or _uneven(line, own, characters)
+    )
 
 
 def _is_dash(letter: Letter, top: float, capital: float) -> bool:
