@@ -15,6 +15,7 @@ from onboard.poi.doors.door_association import State
 from onboard.poi.doors.door_calibration import WALL_SHARE_MAX, calibrated_box, door_of, wall_of
 from onboard.poi.doors.door_detection import ColourBox, DoorDetector, DoorEdge, Side, door_edges
 from onboard.poi.doors.door_records import DoorRecords
+from onboard.poi.doors.jamb_lines import Beside, JambView
 from onboard.poi.doors.observations import Sign
 from onboard.poi.placement.wall_line import WallLine, WallPoint
 from onboard.poi.signs.number_forms import RoomNumber
@@ -247,6 +248,22 @@ def test_one_edge_leads_to_no_door_where_the_wall_ends_and_the_plates_own_rim_le
         records.add_sign(on_wall(5.0), float(i), plate("204"), 1.4 + 0.1 * i)
     (door,) = records.doors()
     assert door.centre.x_m == pytest.approx(5.0)
+
+
+def test_jamb_of_a_plates_door_outdoes_edges_that_were_hardly_seen_beside_it() -> None:
+    # The plate hangs on the leaf, whose left jamb is at 5.6 m; to the right x falls
+    nowhere = Beside(left=False, right=False)
+    jamb = JambView(0.0, 0.1, doubled=True, risen=False, crossed=nowhere, capped=nowhere)
+    records = DoorRecords(lambda left, right: True, SITE)
+    for i in range(8):
+        records.add_edge(Side.LEFT, on_wall(5.62), float(i))
+        records.add_jamb(jamb, on_wall(5.6), float(i))
+    for i in range(2):
+        records.add_edge(Side.LEFT, on_wall(6.06), float(i))
+        records.add_edge(Side.RIGHT, on_wall(5.39), float(i))
+    read_from(records, 5.0, plate("101"), 1.4, 1.6)
+    (door,) = records.doors()
+    assert door.centre.x_m == pytest.approx(5.62 - 0.53, abs=0.01)
 
 
 def test_sign_that_was_never_legible_wants_a_photo() -> None:

@@ -11,7 +11,7 @@ from enum import Enum
 from math import atan2, cos, sin
 
 from onboard.poi.doors.door_detection import Side
-from onboard.poi.doors.door_spans import OFF_WALL_M, Backed, Span, door_spans
+from onboard.poi.doors.door_spans import JAMBS_MIN, OFF_WALL_M, Backed, Span, door_spans, same_place
 from onboard.poi.doors.observations import Edge, Jamb, Place, Sign, same_wall
 from onboard.poi.doors.plate_assignment import PLATE_REACH_M, offset, plates_of
 from onboard.poi.placement.wall_line import WallPoint
@@ -23,6 +23,7 @@ SAME_DOOR_M = 0.6  # two that stand nearer are one, observed twice
 SAME_NUMBER_M = 1.2  # the same, when both have one number
 
 PLATE_HALF_M = 0.11  # from the middle of a plate to its rims
+NO_JAMB_M = 0.3  # so much further away an edge counts that does not run through the picture as a jamb does
 AROUND_PLATE_M = 0.25  # on each side, where its wall is looked for
 
 
@@ -71,7 +72,7 @@ def associated(
     taken = set(plate_of.values())
     # Without a door around it, a number in doubt may be a year on a poster, and a room's name a direction
     alone = [
-        _door_of_plate(plate, well_seen, backed)
+        _door_of_plate(plate, well_seen, jambs, backed)
         for j, plate in enumerate(plates)
         if j not in taken and plate.votes and not plate.doubt
     ]
@@ -94,7 +95,7 @@ def _well_observed(span: Span, posters: list[Sign]) -> bool:
     return min(left.rising, right.rising) > 0 or not around
 
 
-def _door_of_plate(plate: Sign, edges: list[Edge], backed: Backed) -> Door:
+def _door_of_plate(plate: Sign, edges: list[Edge], jambs: list[Jamb], backed: Backed) -> Door:
     """The door of a plate without a pair of edges: placed by the nearest edge, without one by the plate itself.
 
     An edge leads to a place for a door only where the map has wall there. One on the plate is the plate's own.
@@ -109,8 +110,10 @@ def _door_of_plate(plate: Sign, edges: list[Edge], backed: Backed) -> Door:
         outwards_m = at.right_of(e) * (1.0 if edge.side is Side.RIGHT else -1.0)
         if not -USUAL_WIDTH_M < outwards_m < PLATE_REACH_M or abs(outwards_m) < PLATE_HALF_M:
             continue
-        if (best is None or abs(outwards_m) < best[0]) and backed(*_usual_door(edge)):
-            best = (abs(outwards_m), edge)
+        is_jamb = any(jamb.place.count >= JAMBS_MIN and same_place(jamb.place, edge.place) for jamb in jambs)
+        away_m = abs(outwards_m) + (0.0 if is_jamb else NO_JAMB_M)
+        if (best is None or away_m < best[0]) and backed(*_usual_door(edge)):
+            best = (away_m, edge)
     if best is None:
         return Door(at, 0.0, plate, (), plate.place.seen_s)
     edge = best[1]

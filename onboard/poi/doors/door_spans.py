@@ -51,9 +51,10 @@ def door_spans(edges: list[Edge], jambs: list[Jamb], handles: list[Place], backe
     """All doors: those by colour, and between them those by lines. `backed`: is there wall between two points?"""
     jambs = [jamb for jamb in jambs if jamb.place.count >= JAMBS_MIN]
     by_colour = [
-        Span(left, right, _looks_like_door(left, right, jambs, backed))
+        Span(left, right, sure)
         for left, right in _pairs(edges)
         if _may_be_door(left.place.point, right.place.point, backed)
+        and ((sure := _looks_like_door(left, right, jambs, backed)) or not _parted(left, right, jambs))
     ]
     # Edges by colour are placed more exactly; a door that only lines are sure of is none by colour
     spans: list[Span] = []
@@ -98,7 +99,7 @@ def _looks_like_door(left: Edge, right: Edge, jambs: list[Jamb], backed: Backed)
 
     They run through the whole picture, or are known to rise above what hangs on walls, and no sill leads across.
     """
-    ends = [[jamb for jamb in jambs if _same_place(jamb.place, edge.place)] for edge in (left, right)]
+    ends = [[jamb for jamb in jambs if same_place(jamb.place, edge.place)] for edge in (left, right)]
     rising = min(left.rising, right.rising) > 0
     if not rising and not all(ends):
         return False
@@ -106,7 +107,21 @@ def _looks_like_door(left: Edge, right: Edge, jambs: list[Jamb], backed: Backed)
     return not (backed(a, b) and any(_crossed(*pair) for pair in product(*ends)))
 
 
-def _same_place(a: Place, b: Place) -> bool:
+def _parted(left: Edge, right: Edge, jambs: list[Jamb]) -> bool:
+    """Whether a jamb between two edges was observed more often than both: they are not ends of one door."""
+    a, b = left.place.point, right.place.point
+    return any(
+        jamb.place.count > max(left.place.count, right.place.count)
+        and _near(left.place, jamb.place)
+        and same_wall(a, at := jamb.place.point)
+        and at.off(a) < OFF_WALL_M
+        and min(at.right_of(a), b.right_of(at)) > NEAR_M
+        for jamb in jambs
+    )
+
+
+def same_place(a: Place, b: Place) -> bool:
+    """Whether an edge by colour and a jamb by lines are one."""
     return _near(a, b) and same_wall(a.point, b.point) and a.point.distance_m(b.point) < NEAR_M
 
 
@@ -168,7 +183,7 @@ def _votes(left: Jamb, right: Jamb, edges: list[Edge]) -> int:
     alike = doubled and abs(left.width_m - right.width_m) < ALIKE_M
     capped = left.capped[Side.RIGHT] > 0 and right.capped[Side.LEFT] > 0
     colour = [
-        any(edge.side is side and _same_place(edge.place, jamb.place) for edge in edges)
+        any(edge.side is side and same_place(edge.place, jamb.place) for edge in edges)
         for side, jamb in ((Side.LEFT, left), (Side.RIGHT, right))
     ]
     return sum((risen, doubled, alike, capped, *colour))
