@@ -212,7 +212,7 @@ def _record(door: Door, poi_id: int, photo: bytes, now_s: float) -> PointOfInter
         y_m=door.centre.y_m,
         number=sign.number if sign is not None else "",
         room_type=sign.room_type if sign is not None else "",
-        confidence=round(sign.best_confidence * sign.share, 4) if sign is not None else 0.0,
+        confidence=round(sign.best_confidence * sign.share, 4) if sign is not None and sign.legible else 0.0,
         state=door.state.value,
         photo_jpeg=photo,
     )

@@ -47,7 +47,7 @@ class Door:
 
     @property
     def state(self) -> State:
-        if self.sign is None or not self.sign.votes:
+        if self.sign is None or not self.sign.legible:
             return State.UNREAD
         return State.READ if self.sign.accepted else State.DOUBTFUL
 

@@ -132,10 +132,14 @@ class Votes:
 
 @dataclass(slots=True)
 class Sign:
-    """A sign: its place and all readings of it. `doubt`: why its number does not count yet, empty where it does."""
+    """A sign: its place and all readings of it. `doubt`: why its number does not count yet, empty where it does.
+
+    `damaged`: by the number's key, photos that showed it damaged.
+    """
 
     place: Place
     votes: dict[str, Votes] = field(default_factory=dict)
+    damaged: Counter[str] = field(default_factory=Counter)
     blanks: int = 0  # photos on which nothing could be read
     types: Counter[str] = field(default_factory=Counter)
     verdicts: Counter[Verdict] = field(default_factory=Counter)
@@ -151,6 +155,8 @@ class Sign:
         if reading.number is not None and reading.verdict in NUMBERED:
             self.votes.setdefault(reading.number.key, Votes()).add(bearing_rad, reading.confidence, reading.number)
             self.best_confidence = max(self.best_confidence, reading.confidence)
+        if reading.number is not None and reading.damaged:
+            self.damaged[reading.number.key] += 1
         if reading.room_type and reading.verdict in (*NUMBERED, Verdict.NAMED):
             self.types[reading.room_type] += 1
 
@@ -162,8 +168,15 @@ class Sign:
 
     @property
     def number(self) -> str:
-        """That number as the plate shows it, empty when none was read."""
-        return self.read.shown if self.read is not None else ""
+        """That number as the plate shows it, empty when none was read, or hardly ever whole."""
+        return self.read.shown if self.read is not None and self.legible else ""
+
+    @property
+    def legible(self) -> bool:
+        """A number was read, from two directions or not more often damaged than whole."""
+        if self.read is None:
+            return False
+        return self.agreed or self.damaged[self.key] <= self.votes[self.key].shown.total()
 
     @property
     def key(self) -> str:

@@ -37,7 +37,10 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SignReading:
-    """One sign; `box` x, y, width, height in pixels of the picture that was read. `reason`: why it is no PLATE."""
+    """One sign; `box` x, y, width, height in pixels of the picture that was read. `reason`: why it is no PLATE.
+
+    `damaged`: a part of the number's line may be hidden.
+    """
 
     verdict: Verdict
     number: RoomNumber | None
@@ -46,6 +49,7 @@ class SignReading:
     box: tuple[float, float, float, float]
     lines: tuple[str, ...]
     reason: str = ""
+    damaged: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +94,8 @@ class SignRules:
         if image_height_px is not None and (y < reach_px or y + height > image_height_px - reach_px):
             return replace(reading, verdict=Verdict.UNCLEAR, reason="cut off by the border")
         if numbered.damage or numbered.confidence < (CONFIDENT_REPAIRED if number.repairs else CONFIDENT):
-            return replace(reading, verdict=Verdict.UNCLEAR, reason=numbered.damage or "not legible")
+            reason, damaged = numbered.damage or "not legible", bool(numbered.damage)
+            return replace(reading, verdict=Verdict.UNCLEAR, reason=reason, damaged=damaged)
         return replace(reading, verdict=Verdict.PLATE if self.forms.counts(number) else Verdict.DOUBTFUL)
 
     def _that_counts(self, text: str) -> RoomNumber | None:
