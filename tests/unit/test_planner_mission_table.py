@@ -90,12 +90,14 @@ def test_a_place_without_a_path_is_tried_again_until_it_is_given_up() -> None:
     assert run(*blocked).mode is Mode.GOTO_BLOCKED
     assert run(*blocked, Event.PATH, Event.ARRIVED).outcome is Outcome.ARRIVED
     assert run(*blocked, Event.TOO_LONG) == State(Mode.DONE, Outcome.GAVE_UP, Outcome.ARRIVED)
+    assert run(*blocked, Event.KEPT_OUT) == State(Mode.DONE, Outcome.GAVE_UP, Outcome.ARRIVED)
     assert run(*blocked, Event.TOO_LONG, Event.START).mode is Mode.LOOK
 
 
 def test_who_finds_no_way_home_asks_for_help_and_can_be_sent_home_again() -> None:
     stuck = (Event.START, Event.GO_HOME, Event.NO_PATH, Event.TOO_LONG)
     assert run(*stuck) == State(Mode.DONE, Outcome.NEEDS_HELP, Outcome.HOME)
+    assert run(*stuck[:3], Event.KEPT_OUT) == run(*stuck)
     assert run(*stuck[:2]).outcome.ends_mission is False
     assert run(*stuck).outcome.ends_mission
     assert run(*stuck).outcome.exit_code not in {

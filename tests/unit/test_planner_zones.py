@@ -12,7 +12,7 @@ from common.constants import FOOTPRINT_RADIUS_M
 from common.errors import ErrorCode
 from common.geometry import Pose2
 from common.grid_cells import WALL
-from common.messages.mission import Operation, OperatorCommand, PlannerView
+from common.messages.mission import Operation, OperatorCommand, Outcome, PlannerView
 from common.messages.motion import Speed
 from common.messages.topics import PLAN, ZONES
 from common.zones import Zone, ZoneKind, gap_m, zones_of
@@ -195,7 +195,11 @@ def test_a_grid_that_stays_as_it_is_is_read_anew_when_a_line_is_drawn() -> None:
     assert view_of(robot).mode == "GOTO"
     robot.order(order(Operation.NO_GO_LINE, (3.5, 0.0), (3.5, 4.0)))
     robot.run(2.0)
-    assert view_of(robot).mode == "GOTO_BLOCKED"
+    assert view_of(robot).outcome is Outcome.GAVE_UP
+    assert "no-go line" in view_of(robot).detail
     robot.order(order(Operation.REMOVE_ZONE, zone=1))
-    robot.run(5.0)
+    robot.run(1.0)
+    robot.ask(Operation.GOTO, 5.0, 2.0)
+    robot.run(2.0)
+    assert "no-go line" not in view_of(robot).detail
     assert view_of(robot).mode == "GOTO"

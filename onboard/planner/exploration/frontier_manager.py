@@ -20,6 +20,7 @@ from onboard.planner.exploration.frontiers import Frontier, FrontierGroup, Front
 from onboard.planner.exploration.queries import (
     FindPath,
     FindPathBefore,
+    IsKeptOut,
     JudgedGrid,
     JudgeGrid,
     JudgeLeftOut,
@@ -166,6 +167,11 @@ class FrontierManager:
         """Waypoints to where it can stand nearest to a place at which it cannot; None where that is far from it."""
         path: Path | None = yield FindPathBefore(view.grid_revision, view.pose, place_m, self._obstacles.places)
         return path
+
+    def kept_out(self, view: View, wanted: Collection[Cell]) -> Deliberation[bool]:
+        """Do zones alone keep the robot from all of the wanted cells, as long as they stand?"""
+        answer: bool = yield IsKeptOut(view.grid_revision, view.pose, wanted)
+        return answer
 
     def is_clear(self, view: View, path: Path) -> bool:
         """Nothing that was met stands on the next two legs, and no wall was seen on the next."""

@@ -23,6 +23,7 @@ from onboard.planner.routing.reachable import reachable
 from onboard.planner.routing.route_planning import cell_prices, cheapest_path
 from onboard.planner.routing.tour import PLACES_MAX, tours_m
 from onboard.planner.routing.walking_distances import WalkingDistances
+from onboard.planner.zones.zone_cells import NO_GO
 
 FAR_M = 1e4  # stands for a way home that is not known
 
@@ -131,6 +132,24 @@ class FindPathBefore:
         grid = grids.of(self.revision)
         wanted = nearest_cells(grid, self.place_m, _reachable(grid, self.pose))
         return cheapest_path(grid, self.pose, wanted, blocked_cells(grid, self.obstacles)) if wanted else None
+
+
+@dataclass(frozen=True, slots=True)
+class IsKeptOut:
+    """Do zones alone keep the robot from all of the wanted cells? No while it stands where they forbid it to."""
+
+    revision: int
+    pose: Pose2
+    wanted: Collection[Cell]
+
+    def answer(self, grids: Grids) -> bool:
+        grid = grids.of(self.revision)
+        bare = without_zones(grid)
+        here = grid.cell(self.pose.x_m, self.pose.y_m)
+        if bare is grid or not grid.contains(here) or grid.cells[here] & NO_GO:
+            return False
+        known = tuple(np.array([cell for cell in self.wanted if grid.contains(cell)], dtype=int).reshape(-1, 2).T)
+        return bool(_reachable(bare, self.pose)[known].any() and not _reachable(grid, self.pose)[known].any())
 
 
 @dataclass(frozen=True, slots=True)

@@ -289,7 +289,10 @@ class Mission:
         elif self.mode is Mode.RETAKE:
             self._look(Event.NO_PATH, view.pose.heading_rad, view.now_s)
         else:
+            kept_out = yield from self.frontiers.kept_out(view, destination.cells_at(view.grid, target, exact))
             self._wait_for_path(view, target)
+            if kept_out:
+                self._happens(Event.KEPT_OUT)
 
     def _finds_another_path(self, view: View) -> Deliberation[bool]:
         """To the entry of the list that it was on its way to, while that is one."""

@@ -11,12 +11,15 @@ class StateLog:
     def __init__(self) -> None:
         self.state = State()
         self.blacklisted: tuple[str, ...] = ()  # what the newest exploration left out, each place with its reason
+        self._kept_out = False  # that is how the newest order ended
         self._lines: list[str] = []
         self._logged = self.state  # as of the newest line about it
 
     @property
     def text(self) -> str:
         """What it is doing, or how that ended, for people."""
+        if self._kept_out:
+            return f"{self.state.text}, for a no-go line or area is in the way"
         count = len(self.blacklisted)
         if not count or self.state.mode is not Mode.DONE:
             return self.state.text
@@ -42,6 +45,7 @@ class StateLog:
         if step.refused or (step.state == before and not step.moves):
             return step
         self.state = step.state
+        self._kept_out = event is Event.KEPT_OUT or (self._kept_out and not step.moves)
         if step.state != self._logged or event in CHOICES:
             self._logged = step.state
             self.note(f"{step.state} before={before.mode.name} event={event.name} {why}".rstrip())

@@ -60,6 +60,7 @@ class Event(Enum):
     NO_PATH = "no path leads there"
     PATH = "a path leads there again"
     TOO_LONG = "no path for too long"
+    KEPT_OUT = "only a zone is in the way"
     DEFERRED = "something keeps it from there"
     GONE = "nothing is left to see there"
     # Of choosing
@@ -156,6 +157,8 @@ TABLE = (
     Row(Event.PATH, (Mode.GOTO_BLOCKED,), Mode.GOTO),
     Row(Event.TOO_LONG, (Mode.HOME_BLOCKED,), Mode.DONE, outcome=Outcome.NEEDS_HELP),
     Row(Event.TOO_LONG, (Mode.GOTO_BLOCKED,), Mode.DONE, outcome=Outcome.GAVE_UP),
+    Row(Event.KEPT_OUT, (Mode.HOME_BLOCKED,), Mode.DONE, outcome=Outcome.NEEDS_HELP),
+    Row(Event.KEPT_OUT, (Mode.GOTO_BLOCKED,), Mode.DONE, outcome=Outcome.GAVE_UP),
     Row(Event.DEFERRED, VISITING, Mode.LOOK),
     Row(Event.GONE, (Mode.ROUTE,), Mode.LOOK),
     Row(Event.TURN, CHOOSING, Mode.LOOK),
