@@ -18,11 +18,13 @@ from common.messages.mapping import MapUpdate, PoseEstimate
 from common.messages.points_of_interest import PointOfInterest
 from common.messages.topics import LOG, MAP, POI, POSE, Topic
 from common.recording import RecordedMessage
+from deploy.cli import main
 from offboard.runs import run_folder
 from offboard.runs.run_schema import Delivery, RunDatabase
 from offboard.visualizer.live_model import ShownRun
 from offboard.visualizer.run_view import RecordedRun, recorded_run, serve
 from tests.browser.conftest import Robot, Visit, photo
+from tests.unit.range_log_scenes import PERIOD_S, ROUND, carmen_lines, drive
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -137,6 +139,7 @@ def played(run: Path) -> Iterator[Served]:
     made.close()
 
 
+PLACE = "import('./main.js').then(({ model }) => [model.pose.x_m, model.pose.y_m])"
 POSITION = "import('./main.js').then(({ model }) => [model.pose.x_m, model.walls.length, model.pois.length])"
 
 
@@ -162,6 +165,27 @@ def test_a_recorded_run_is_played_from_any_moment_on(played: Served, visit: Open
     seen.until(lambda: page.evaluate(POSITION)[1] == 80, "the second wall")
     expect(page.locator("#clock")).to_have_text("0:20 / 0:20")
     expect(page.get_by_role("button", name="Play")).to_be_visible()
+
+
+def test_a_carmen_log_is_played_on_the_page_as_it_was_mapped(tmp_path: Path, visit: Open) -> None:
+    """A drive round a block: with each leg there are more walls, and the robot stands where the log has it."""
+    log, frames = tmp_path / "ring.log", drive(ROUND)
+    log.write_text("\n".join(carmen_lines("ROBOTLASER1", silent="2.5", legs=ROUND)), encoding="utf-8")
+    assert main(["replay", str(log), "--out", str(tmp_path / "run")]) == 0
+    served, walls = Served(recorded_run(tmp_path / "run")), [0]
+    try:
+        seen = visit(None, at=served.address)
+        seen.until_link("recorded")
+        expect(seen.page.locator("#clock")).to_have_text("1:08 / 1:08")
+        for frame in (40, 80, 120):
+            seen.page.get_by_label("Moment of the run").fill(str(frame * PERIOD_S))
+            there = [pytest.approx(frames[frame].x_m, abs=0.2), pytest.approx(frames[frame].y_m, abs=0.2)]
+            seen.until(lambda there=there: seen.page.evaluate(PLACE) == there, f"the robot at frame {frame}")  # type: ignore[misc]
+            walls.append(seen.page.evaluate(POSITION)[1])
+        assert walls == sorted(set(walls)), walls
+        assert seen.wall_pixels() > 200
+    finally:
+        served.close()
 
 
 def test_a_line_of_the_log_leads_to_its_moment(played: Served, visit: Open) -> None:
