@@ -123,6 +123,15 @@ def test_cover_that_lies_askew_on_a_line_is_seen_on_both_sides_of_it() -> None:
     assert check(cv2.GaussianBlur(picture, (0, 0), 1.0), "00").damage == "an edge close above"
 
 
+@pytest.mark.parametrize("slope", [-0.04, 0.04])
+def test_cover_of_a_long_number_that_hides_more_of_one_end_is_seen(slope: float) -> None:
+    picture = drawn(("C31169", 55, 0))
+    ink = np.flatnonzero((picture < 128).any(axis=1))
+    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    picture[y > (ink[0] + ink[-1]) / 2 + slope * (x - picture.shape[1] / 2)] = WHITE - 40
+    assert check(cv2.GaussianBlur(picture, (0, 0), 1.0), "C21169").damage == "an edge close below"
+
+
 @pytest.mark.parametrize(
     ("above_px", "below_px", "negative"), [(4, 9, True), (4, 30, True), (6, 3, False), (6, 6, True)]
 )

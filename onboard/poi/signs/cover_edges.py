@@ -31,16 +31,13 @@ Profile = npt.NDArray[np.float64]  # (N,), grey
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One end of a line: where it is along `grounds`, both beside the letters; which way is out of them."""
+    """One end of a line: where the letters beside each of both `grounds` end along it; which way is out of them."""
 
     name: str
     grounds: tuple[Profile, Profile]
+    at: tuple[float, float]
     ends: tuple[float, float]  # of the letters, in the same direction
     outwards: int
-
-    @property
-    def at(self) -> float:
-        return self.ends[self.outwards > 0]
 
 
 def edges_along(line: Strokes, capital: float) -> list[str]:
@@ -70,15 +67,17 @@ def _sides(line: Strokes, capital: float) -> Iterator[Side]:
     x0, x1 = line.letters[0].x, line.letters[-1].right
     # Of most letters: a bar reaches further
     tall = [letter for letter in line.letters if letter.height >= TALL * capital] or list(line.letters)
+    first, last = tall[0], tall[-1]
     top = float(np.median([letter.y for letter in tall]))
     bottom = float(np.median([letter.bottom for letter in tall]))
     near, far = BAND[0] * capital, BAND[1] * capital
     rows = _ground(line, (top - far, top - near), 0), _ground(line, (bottom + near, bottom + far), 0)
     columns = _ground(line, (x0 - far, x0 - near), 1), _ground(line, (x1 + near, x1 + far), 1)
-    yield Side("left", rows, (x0, x1), -1)
-    yield Side("right", rows, (x0, x1), 1)
-    yield Side("above", columns, (top, bottom), -1)
-    yield Side("below", columns, (top, bottom), 1)
+    yield Side("left", rows, (x0, x0), (x0, x1), -1)
+    yield Side("right", rows, (x1, x1), (x0, x1), 1)
+    # What lies askew hides more of the first letter than of the last, or less
+    yield Side("above", columns, (first.y, last.y), (top, bottom), -1)
+    yield Side("below", columns, (first.bottom, last.bottom), (top, bottom), 1)
 
 
 def _ground(line: Strokes, span: tuple[float, float], axis: int) -> Profile:
@@ -91,19 +90,22 @@ def _ground(line: Strokes, span: tuple[float, float], axis: int) -> Profile:
 
 def _edge(side: Side, contrast: float, capital: float, out: float) -> tuple[float, float] | None:
     """How far beyond the letters' end both grounds show an edge, at most `out`, and its step outwards; None without."""
-    steps = [_step(ground, side, contrast, capital, out) for ground in side.grounds]
-    if steps[0] is None or steps[1] is None or steps[0][1] * steps[1][1] < 0.0:
+    one, other = (
+        _step(ground, at, side, contrast, capital, out) for ground, at in zip(side.grounds, side.at, strict=True)
+    )
+    if one is None or other is None or one[1] * other[1] < 0.0:
         return None
-    place, step = (steps[0][0] + steps[1][0]) / 2, (steps[0][1] + steps[1][1]) / 2
-    return side.outwards * (place - side.at), side.outwards * step
+    return side.outwards * (one[0] + other[0]) / 2, side.outwards * (one[1] + other[1]) / 2
 
 
-def _step(ground: Profile, side: Side, contrast: float, capital: float, out: float) -> tuple[float, float] | None:
-    """Where a ground has its largest step near an end of the letters, and that step; None where none stands out."""
+def _step(
+    ground: Profile, end: float, side: Side, contrast: float, capital: float, out: float
+) -> tuple[float, float] | None:
+    """Where a ground has its largest step, from an end of the letters; and that step. None where none stands out."""
     reach = max(round(REACH * capital), 1)
     changes = ground[reach:] - ground[:-reach]
-    window = (side.at - side.outwards * ASKEW * capital, side.at + side.outwards * out * capital)
-    a, b = (max(round(end - reach / 2), 0) for end in sorted(window))
+    window = (end - side.outwards * ASKEW * capital, end + side.outwards * out * capital)
+    a, b = (max(round(limit - reach / 2), 0) for limit in sorted(window))
     close = changes[a : b + 1]
     if not close.size:
         return None
@@ -118,7 +120,7 @@ def _step(ground: Profile, side: Side, contrast: float, capital: float, out: flo
         _median(changes[max(at - far, 0) : max(at - near, 0)]),
         _median(changes[at + near : at + far]),
     )
-    return (at + reach / 2, step) if abs(step) > max(FAINT * contrast, STANDS_OUT * usual) else None
+    return (at + reach / 2 - end, step) if abs(step) > max(FAINT * contrast, STANDS_OUT * usual) else None
 
 
 def _median(changes: Profile) -> float:
