@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -74,6 +75,16 @@ def test_posters_directions_and_lists_are_no_plates(poster: tuple[str, ...]) -> 
 def test_plate_holds_its_number_and_its_room_type() -> None:
     reading = RULES.judge(lines("215B", "Meeting Room"), M_PER_PX, 600.0)
     assert (reading.verdict, shown(reading), reading.room_type) == (Verdict.PLATE, "215B", "Meeting Room")
+
+
+@pytest.mark.parametrize(
+    ("pieces", "kind"), [(("Lab", "atory"), "Laboratory"), (("Off", "ice"), "Office"), (("Lab", "J. Park"), "Lab")]
+)
+def test_room_type_that_was_read_in_pieces_is_one(pieces: tuple[str, str], kind: str) -> None:
+    (number,) = lines("118")
+    left, right = (replace(lines(piece, height_px=24.0)[0], y_px=260.0) for piece in pieces)
+    right = replace(right, x_px=left.right_px + 12.0, y_px=253.0)  # slanted: read before the left piece
+    assert RULES.judge([number, right, left]).room_type == kind
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from enum import Enum
 
 from common.config import PoiSection
 from onboard.poi.signs.false_numbers import labels_another
+from onboard.poi.signs.grouping import rows_of
 from onboard.poi.signs.layout import NO_NUMBER, arranged
 from onboard.poi.signs.number_forms import NumberForms, RoomNumber, site_forms
 from onboard.poi.signs.sign_words import is_notice, is_service
@@ -125,8 +126,12 @@ class SignRules:
         return bool(self.room_type(text))
 
     def _room_type_of(self, lines: Sequence[TextLine]) -> str:
-        """The site's room type on one of the lines, or the word for a room that needs no number, as it stands there."""
-        kinds = (self.room_type(line.text) for line in lines)
+        """The site's room type on one of the lines, or the word for a room that needs no number, as it stands there.
+
+        Slanted words come in pieces: "Lab" beside "oratory".
+        """
+        rows = ["".join(line.text for line in row) for row in rows_of(lines)]
+        kinds = (self.room_type(text) for text in (*rows, *(line.text for line in lines)))
         services = (line.text for line in lines if is_service(line.text))
         return next(filter(None, kinds), "") or next(services, "")
 
