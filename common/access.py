@@ -13,8 +13,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from common.messages.topics import LAPTOP_RECORDED, TOPICS, QosProfile, Topic
-from common.modules import Board, on
-from common.recording import MESSAGE_BYTES_MAX, QUERY_BYTES_MAX
+from common.modules import COMMANDER, Board, on
+from common.recording import QUERY_BYTES_MAX
+from common.zenoh_channel import MESSAGE_BYTES_MAX
 
 # Common name of a certificate -> the modules that connect with it
 ROLES: dict[str, tuple[str, ...]] = {
@@ -25,7 +26,7 @@ ROLES: dict[str, tuple[str, ...]] = {
     "viewer": (),
 }
 _ON_BOARD = ("robot", "pi")
-_COMMANDER = "command_center"
+
 _RECORDER = "recorder"
 
 # Of one topic over one link; many more than all modules behind it send when each of them has missed something
@@ -44,14 +45,14 @@ Rules = dict[str, Any]  # by the section of Zenoh's configuration
 
 def role_of(module: str) -> str:
     """The role whose certificate a module shows where its link leaves the board; "robot" for what is no module."""
-    if module == _COMMANDER:
-        return _COMMANDER
+    if module == COMMANDER:
+        return COMMANDER
     return next((role for role, modules in ROLES.items() if module in modules), "robot")
 
 
 def may_command(role: str) -> bool:
     """Whether links of that role may carry commands to the robot, or from it to the modules that execute them."""
-    return role in (_COMMANDER, "robot")
+    return role in (COMMANDER, "robot")
 
 
 def alive_key(module: str) -> str:
@@ -66,7 +67,7 @@ def alive_keys(module: str) -> str:
 
 def published_keys(role: str) -> list[str]:
     """Keys that a role may publish, without the robot's name."""
-    if role == _COMMANDER:
+    if role == COMMANDER:
         return [topic.key for topic in TOPICS if topic.is_command]
     modules = ROLES[role]
     published = _keys(topic for topic in TOPICS if topic.producer in modules and not topic.is_command)

@@ -20,13 +20,13 @@ from collections.abc import Callable
 from typing import Protocol
 
 from common.alarm import Alarm
+from common.constants import FREE_LEASE_S
 from common.node import STEP_GAP_S
 
 TICK_S = 0.02
 WINDOW_S = 0.04  # simulated: 0.1 s between two statuses and twice this stay below the 0.2 s of the watchdog
 SILENT_S = 1.0  # wall time
 BUSY_MAX_S = 20.0  # wall time; a step that takes longer is taken for one that never ends
-FREE_LEASE_S = 0.4  # until links and tokens of a frozen process are given up; not of comm's (`zenoh_session.lease_s`)
 # The shared clock waits for who is late, so the lease must; who freezes is given up by SILENT_S and falls silent
 SHARED_LEASE_S = 10.0
 _POLL_S = 0.1  # how soon a wait notices that the process shall end, and repeats a message that may have been lost

@@ -22,8 +22,7 @@ from common.constants import (
     WHEEL_DIAMETER_M,
     WHEEL_TRACK_M,
 )
-from common.messages.topics import STATUS
-from common.modules import OFFBOARD, OPTIONAL, PACKAGES, Board, on
+from common.modules import MODULES, OFFBOARD, OPTIONAL, PACKAGES, Board, on
 from common.number_presets import PRESETS
 from common.rules import Between, Count, Form, Names, OnPlate, Pattern
 
@@ -121,7 +120,11 @@ class SonarsSection:
 
 @dataclass(frozen=True, slots=True)
 class CommSection:
-    required: Annotated[tuple[str, ...], Names(tuple(STATUS), "the modules")] = ("bridge", "mmu", "planner")
+    required: Annotated[tuple[str, ...], Names(tuple(module.name for module in MODULES), "the modules")] = (
+        "bridge",
+        "mmu",
+        "planner",
+    )
     """On-robot modules without which nothing moves; with a camera also "poi"."""
     stop_when_offboard_missing: bool = False
     """Does the robot stand while the recorder on the laptop is missing?"""

@@ -68,6 +68,7 @@ HEARTBEAT_TIMEOUT_S = 0.25  # firmware: no heartbeat for this long, ramp to stop
 DISARM_TIMEOUT_S = 1.0  # firmware: then a START is needed again
 PERMIT_RATE_HZ = 10.0
 PERMIT_TIMEOUT_S = 0.2  # bridge: an older permit is none
+FREE_LEASE_S = 0.4  # links and tokens of a frozen process but comm's are given up then (`zenoh_session.lease_s`)
 WATCHDOG_CLEAR_S = 1.0  # comm: all on-robot modules ready for this long before the watchdog's stop clears
 STARTUP_GRACE_S = 90.0
 REVERSE_MAX_M = 0.5  # firmware: backwards only over floor driven just now

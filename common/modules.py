@@ -42,6 +42,7 @@ MODULES = (
     Module("ros", "ROS", "ROS 2", Board.LAPTOP, "offboard.ros", optional=True),
 )
 _BEYOND_SPECIFICATION = ("bridge", "recorder", "ros")
+COMMANDER = "command_center"  # who publishes what a person orders
 SPECIFIED = tuple(module for module in MODULES if module.name not in _BEYOND_SPECIFICATION)
 CODES = {module.name: module.code for module in MODULES}
 PACKAGES = {module.name: module.package for module in MODULES if module.package}

@@ -34,9 +34,10 @@ from common.priority import leave_priority_to_comm
 from common.process_log import BusLogHandler, set_up_log
 from common.stop_signals import end_on_signals
 from common.zenoh_bus import ZenohBus
+from common.zenoh_channel import Mode
 from common.zenoh_end import ZenohEnd
 from common.zenoh_log import OF_A_PEER, OF_A_ROUTER, ZenohOutput
-from common.zenoh_session import ROBOT_ROUTER, Mode, lease_s
+from common.zenoh_session import ROBOT_ROUTER, lease_s
 
 _PR_SET_PDEATHSIG = 1
 _LOOP_END_S = 2.0

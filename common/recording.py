@@ -21,7 +21,6 @@ from common.undecodable import Undecodable
 
 RECENT_COUNT = 512
 RECENT_BYTES = 1_000_000  # of each topic: three maps of a kilometre's drive
-MESSAGE_BYTES_MAX = 16_000_000  # no message of ours is longer; a longer one is dropped unseen
 QUERY_BYTES_MAX = 4096  # KNOWN_BOOTS of them need a sixth of it
 REPLY_COUNT_MAX = 100_000  # messages in one reply: two a second for half a day
 RECORDING_QUEUE_LENGTH = 4096  # messages that may wait for the node's thread

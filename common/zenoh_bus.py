@@ -25,10 +25,11 @@ from common.config import Config
 from common.messages.topics import PERMIT, QosProfile, Topic
 from common.recording import Losses, RecordedMessage, RecordingSubscriber
 from common.release import Release, release_of_key
+from common.zenoh_channel import Mode
 from common.zenoh_end import Arrival, ZenohEnd
 from common.zenoh_inbox import QUERY_TIMEOUT_S, Decoder, Inbox
 from common.zenoh_outbox import Outbox, Replies
-from common.zenoh_session import Mode, lease_s
+from common.zenoh_session import lease_s
 
 P = TypeVar("P")
 

@@ -20,19 +20,17 @@ from common.codec import DecodeError, Envelope
 from common.command_gate import CommandGate
 from common.config import Config
 from common.messages.topics import Topic
-from common.recording import MESSAGE_BYTES_MAX
 from common.release import own_release
 from common.signing import SIGNATURE_BYTES
 from common.undecodable import Undecodable
+from common.zenoh_channel import MESSAGE_BYTES_MAX, Mode, open_session
 from common.zenoh_links import NeighbourWatch, let_go_at_once, watch_links
 from common.zenoh_session import (
     ROUTER_NEIGHBOUR,
-    Mode,
     close_sessions,
     command_channel,
     direct,
     main_channel,
-    open_session,
 )
 
 _BUNDLE_PRIORITY = zenoh.Priority.REAL_TIME  # a drive command waits for nothing

@@ -12,69 +12,33 @@ would never come back.
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import zenoh
 
 from common import access
-from common.clock import FREE_LEASE_S
 from common.config import Config
-from common.errors import StartError
-from common.keys import AUTHORITY, CERTIFICATE, PRIVATE_KEY, checked_folder
+from common.keys import checked_folder
 from common.messages.topics import CLOCK, STOP
-from common.modules import OFFBOARD, ON_ROBOT, Board, on
-from common.recording import MESSAGE_BYTES_MAX
-
-Mode = Literal["peer", "client", "router"]
+from common.modules import ON_ROBOT
+from common.zenoh_channel import BEHIND_RECORDER, COMMANDS, WIFI_LEASE_S, Channel, Mode
 
 ROBOT_ROUTER = "comm"
 LAPTOP_ROUTER = "recorder"  # the process that joins the laptop's others with the robot
 ROUTER_NEIGHBOUR = {ROBOT_ROUTER: LAPTOP_ROUTER, LAPTOP_ROUTER: ROBOT_ROUTER}
-# With the robot's shorter lease, a link over a poor Wi-Fi would be given up before its handshake is complete
-WIFI_LEASE_S = 2.0
-# A lost first packet would block the attempt for the default of ten seconds: TCP repeats it ever more rarely
-_OPEN_TIMEOUT_S = 2.5
-# A thread that has to wait for a link that takes nothing holds up all others meanwhile, the robot's own among them: it
-# must be done within a lease. What is longer than a queue would wait even for a link that is only slow
-_BLOCKED_S = 0.1
-_ANSWER_QUEUE = 16  # batches of 64 kB, enough for an answer of RECENT_BYTES
-# Collected piece by piece before anybody may judge it: what a message is beside its payload is much less
-_TRANSPORTED_BYTES_MAX = MESSAGE_BYTES_MAX + 64_000
-_COMMANDS = "{} commands"  # the name of the session that carries nothing else
 # Peers on the robot, and who leads a shared clock: to them others connect. Each has an address of its own on loopback,
 # at the port of the router beside it, so that several meshes go side by side
 NEIGHBOURS = (*(name for name in ON_ROBOT if name != ROBOT_ROUTER), CLOCK.producer)
 PEER_HOSTS = tuple(f"127.0.0.{i}" for i in range(2, 2 + len(NEIGHBOURS)))  # the routers have 127.0.0.1
-# They reach the robot through the recorder's router, also where all is on one machine; who stops it does not depend on
-# that
-_BEHIND_RECORDER = (*(name for name in OFFBOARD if name != STOP.producer), "simulator", "local")
-# Sessions that reach others only through a router: it passes nothing between peers but from one region to another, so
-# each of these is a region by itself. As clients they could not begin without the router. As routers they would receive
-# no declarations when they are back too soon: trees of routes, computed at most every 100 ms, would not show it
-_REGIONS = (*_BEHIND_RECORDER, STOP.producer, _COMMANDS.format(STOP.producer), *on(Board.RASPBERRY))
 _CLOSE_TIMEOUT_S = 1.0
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """How a session joins the mesh."""
-
-    mode: Mode
-    listen: tuple[str, ...] = ()
-    connect: tuple[str, ...] = ()
-    keys: Path | None = None  # folder of the certificate that it shows, for TLS
-    rules: access.Rules | None = None
-    region: str = ""  # of a peer that reaches others only through a router
 
 
 def main_channel(name: str, mode: Mode, config: Config) -> Channel:
@@ -103,8 +67,8 @@ def command_channel(name: str, mode: Mode, config: Config) -> Channel | None:
     if mode != "peer" or name != STOP.producer:
         return None
     if config.mesh.robot:
-        return _straight_to_robot(name, _COMMANDS.format(name), mode, config)
-    return _beside_router(_COMMANDS.format(name), False, config)
+        return _straight_to_robot(name, COMMANDS.format(name), mode, config)
+    return _beside_router(COMMANDS.format(name), False, config)
 
 
 def lease_s(name: str, clock_lease_s: float) -> float:
@@ -119,7 +83,7 @@ def lease_s(name: str, clock_lease_s: float) -> float:
 
 def _beside_router(session: str, on_laptop: bool, config: Config) -> Channel:
     """A peer's, on loopback: it connects to the router, and on the robot to the NEIGHBOURS before it."""
-    if on_laptop or session in _BEHIND_RECORDER:
+    if on_laptop or session in BEHIND_RECORDER:
         return Channel("peer", connect=(config.mesh.laptop_router,), region=session)
     router = config.mesh.router
     if session == STOP.producer:
@@ -140,72 +104,6 @@ def _straight_to_robot(name: str, session: str, mode: Mode, config: Config) -> C
 
 def _keys(config: Config, role: str) -> Path:
     return checked_folder(Path(config.mesh.keys), role)
-
-
-def session_config(channel: Channel, lease_s: float = FREE_LEASE_S) -> zenoh.Config:
-    """What every session of the mesh shares. Multicast and shared memory fail in containers, hence neither."""
-    values: dict[str, Any] = {
-        "mode": channel.mode,
-        "listen/endpoints": channel.listen,
-        "connect/endpoints": channel.connect,
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "scouting/delay": 100,  # ms that opening may wait for the others; they are found later as well
-        "transport/unicast/open_timeout": round(1000 * _OPEN_TIMEOUT_S),
-        "transport/link/rx/max_message_size": _TRANSPORTED_BYTES_MAX,
-        "transport/link/tx/lease": round(1000 * lease_s),
-        "transport/link/tx/keep_alive": 4,
-        "transport/link/tx/queue/size/real_time": 16,
-        "transport/link/tx/queue/size/data": _ANSWER_QUEUE,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": round(1e6 * _BLOCKED_S),
-        "transport/shared_memory/enabled": False,
-    }
-    if channel.mode == "client":
-        values |= {"connect/timeout_ms": 1500, "connect/exit_on_failure": True}
-    if channel.region:
-        values["region_name"] = channel.region
-    if channel.mode == "router":
-        regions = [{"region_names": [region]} for region in dict.fromkeys(_REGIONS)]
-        values["gateway"] = {
-            "south": [{"filters": [f]} for f in (*regions, {"modes": ["client"]}, {"modes": ["peer"]})]
-        }
-    if channel.keys is not None:
-        values["transport/link/tls"] = _tls(channel.keys)
-    if channel.rules is not None:
-        values |= channel.rules
-    config = zenoh.Config()
-    for key, value in values.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
-
-
-def _tls(keys: Path) -> dict[str, Any]:
-    certificate, private_key = str(keys / CERTIFICATE), str(keys / PRIVATE_KEY)
-    return {
-        "root_ca_certificate": str(keys / AUTHORITY),
-        "enable_mtls": True,
-        "verify_name_on_connect": True,
-        "listen_certificate": certificate,
-        "listen_private_key": private_key,
-        "connect_certificate": certificate,
-        "connect_private_key": private_key,
-    }
-
-
-def open_session(channel: Channel, lease_s: float) -> zenoh.Session:
-    """Raises StartError when an address to listen on is taken, and for a client when no router answers."""
-    try:
-        return zenoh.open(session_config(channel, lease_s))
-    except zenoh.ZError as error:
-        if channel.mode != "client":
-            hint = "it is in use; stop the other mesh or program, or give this mesh another [mesh] router in robot.toml"
-            raise StartError(f"Cannot listen on {' and '.join(channel.listen)}: {hint}.") from error
-        hint = "start it, or correct [mesh] router in robot.toml"
-        if channel.keys is not None:
-            hint = f"is the robot on, and are its keys of the same authority as those in {channel.keys}?"
-            raise StartError(f"No mesh answers at {channel.connect[0]}: {hint}") from error
-        raise StartError(f"No mesh answers at {channel.connect[0]}: {hint}.") from error
 
 
 def direct(function: Callable[[Any], None]) -> Any:

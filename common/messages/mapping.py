@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, isnan, nan, sin
+from math import cos, inf, sin
 
 from common.fields import (
     GRID_CELLS_MAX,
@@ -17,7 +17,6 @@ from common.fields import (
     Metres,
     Poses,
     Radians,
-    Range,
     Seconds,
     Spread,
     Times,
@@ -38,13 +37,13 @@ class PoseEstimate:
     sd_heading_rad: Spread
     map_revision: Count
     valid: bool = True
-    sd_least_m: Range = nan  # at right angles to the worst direction, which is `worst_rad` on the map; NaN: the same
+    sd_least_m: Spread = inf  # at right angles to the worst direction, which is `worst_rad` on the map
     worst_rad: Radians = 0.0
 
     @property
     def covariance(self) -> tuple[float, float, float]:
         """Of the position on the map: xx, xy, yy (m²)."""
-        worst, least = self.sd_xy_m**2, (self.sd_xy_m if isnan(self.sd_least_m) else self.sd_least_m) ** 2
+        worst, least = self.sd_xy_m**2, min(self.sd_least_m, self.sd_xy_m) ** 2
         c, s = cos(self.worst_rad), sin(self.worst_rad)
         return c * c * worst + s * s * least, c * s * (worst - least), s * s * worst + c * c * least
 

@@ -28,7 +28,8 @@ from common.config import Config, MeshSection, apart
 from common.messages.mapping import PoseEstimate
 from common.messages.topics import POSE
 from common.zenoh_bus import ZenohBus
-from common.zenoh_session import lease_s, main_channel, open_session
+from common.zenoh_channel import open_session
+from common.zenoh_session import lease_s, main_channel
 from deploy.bench.machine import percentiles
 from deploy.bench.order import Order
 from deploy.local.ports import reserve_port

@@ -182,7 +182,7 @@ class Watch:
         self.withdrawn.forget()
         pressed_s = time.monotonic()
         self.unstopped_s.append((self._free_since_s, pressed_s))
-        control, _ = press_stop(self._bus)
+        control = press_stop(self._bus)
         if control.latency_s is None:
             self.unconfirmed += 1
         time.sleep(STOP_TO_WHEELS_OFF_S)

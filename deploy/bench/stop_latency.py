@@ -156,7 +156,7 @@ class StopMesh:
 
     def press(self) -> None:
         """As `indoor-mapping estop` does; returns once the robot has confirmed it."""
-        control, _ = press_stop(self._operator)
+        control = press_stop(self._operator)
         if control.latency_s is None:
             raise BenchFailed("the robot did not confirm the stop")
 

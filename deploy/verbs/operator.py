@@ -1,4 +1,4 @@
-"""Verbs of the operator: `estop` and `release`, `start`, `pause`, `resume`, `home`, `goto ROOM_OR_X,Y`, `pose X,Y,DEG`.
+"""Verbs of the operator: `release`, `start`, `pause`, `resume`, `home`, `goto ROOM_OR_X,Y`, `pose X,Y,DEG`.
 
 The rules of the stop and of the commands are those of the Command Center.
 """
@@ -21,7 +21,7 @@ from common.mission_state import hindrance
 from common.zenoh_bus import ZenohBus
 from offboard.operate import operations, software_stop
 from offboard.operate.operations import Answer, Order
-from offboard.operate.operator_client import operate, press_stop, request_release, wait_until
+from offboard.operate.operator_client import operate, request_release, wait_until
 from offboard.operate.order_sender import answer_to
 from offboard.operate.software_stop import Demand, StopControl
 
@@ -31,7 +31,6 @@ POSE_SD_M, POSE_SD_DEG = 0.5, 15.0  # as RViz sends them
 
 def add_verbs(verbs: Any) -> None:
     for name, run, text in (
-        ("estop", _estop, "latch the software stop; the red button on the robot is the emergency stop"),
         ("release", _release, "release the software stop; nothing moves before a resume"),
         ("start", _operation, "begin the mission"),
         ("pause", _operation, "stand until resume"),
@@ -59,23 +58,6 @@ def add_verbs(verbs: Any) -> None:
 def join(config: Path | None) -> ZenohBus:
     """The mesh, as a client with the rights of the Command Center; raises StartError."""
     return ZenohBus("command_center", load_config(config), FreeClock(), "client")
-
-
-def _estop(arguments: argparse.Namespace) -> int:
-    bus = join(arguments.config)
-    try:
-        control, stop_id = press_stop(bus)
-        if control.latency_s is not None:
-            latency_ms = 1000 * control.latency_s
-            print(f"Stopped: the stop is latched and the wheels stand still, confirmed in {latency_ms:.0f} ms.")
-            return 0
-        permit = bus.latest(PERMIT)
-        latched = permit is not None and stop_id in permit.stop_ids
-        known = "The stop is latched, but no report shows that the wheels stand still" if latched else "Not confirmed"
-        print(f"{known}: use the red button on the robot.", file=sys.stderr)
-        return 1
-    finally:
-        bus.close()
 
 
 def _release(arguments: argparse.Namespace) -> int:

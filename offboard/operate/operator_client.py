@@ -12,6 +12,7 @@ from offboard.operate import operations, software_stop
 from offboard.operate.operations import Answer, Order
 from offboard.operate.order_sender import OrderSender
 from offboard.operate.software_stop import Demand, StopControl
+from offboard.operate.stop_press import REPEAT_S, new_stop_id
 
 CONFIRM_TIMEOUT_S = 5.0
 _POLL_S = 0.01
@@ -36,7 +37,7 @@ def sent_until_confirmed(bus: Bus, control: StopControl) -> StopControl:
         control = software_stop.updated(control, software_stop.robot_report(bus, now_s), now_s)
         request = software_stop.request(control, now_s)
         if request is not None and now_s >= next_s:
-            next_s = now_s + software_stop.REPEAT_S
+            next_s = now_s + REPEAT_S
             bus.publish(STOP, request)
         return control.demand is Demand.NONE
 
@@ -44,10 +45,14 @@ def sent_until_confirmed(bus: Bus, control: StopControl) -> StopControl:
     return control
 
 
-def press_stop(bus: Bus) -> tuple[StopControl, int]:
-    """One press, sent until it is confirmed: what is left, and the number of the press."""
-    pressed = software_stop.pressed(StopControl(), time.monotonic(), software_stop.new_stop_id(secrets.randbits))
-    return sent_until_confirmed(bus, pressed), pressed.stop_id
+def press_stop(bus: Bus) -> StopControl:
+    """One press, sent until it is confirmed: what is left."""
+    return hold_stop(bus, time.monotonic(), new_stop_id(secrets.randbits))
+
+
+def hold_stop(bus: Bus, since_s: float, stop_id: int) -> StopControl:
+    """As `press_stop`, of a press from before."""
+    return sent_until_confirmed(bus, software_stop.pressed(StopControl(), since_s, stop_id))
 
 
 def request_release(bus: Bus) -> StopControl:

@@ -7,7 +7,6 @@ owns the stop; what it reports with its age (`RobotReport`), and not what was se
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import inf
@@ -15,13 +14,11 @@ from math import inf
 from common.bus import Bus
 from common.messages.stop import Permit, StopRequest
 from common.messages.topics import CARRIER, ODOMETRY, PERMIT
+from offboard.operate.stop_press import SOURCE
 
-SOURCE = "operator"
-REPEAT_S = 0.02  # the first message of a program that has just joined may get lost
 LINK_LOST_S = 1.0
 RELEASE_TIMEOUT_S = 5.0
 STANDING_M_S = 0.01
-_STOP_ID_BITS = 62
 NO_PERMIT = Permit(0.0, False, "")  # before the first one came: its stop epoch is not known
 
 
@@ -73,11 +70,6 @@ class StopControl:
     release_failed: bool = False
     stop_id: int = 0  # of the press
     epoch: int = 0  # what shall be released
-
-
-def new_stop_id(random_bits: Callable[[int], int]) -> int:
-    """Of a press, drawn at random, so that several senders do not meet."""
-    return random_bits(_STOP_ID_BITS)
 
 
 def robot_report(bus: Bus, now_s: float) -> RobotReport:

@@ -13,17 +13,16 @@ from collections.abc import Callable
 from common.bus import Bus
 from common.messages.topics import STOP
 from offboard.operate.software_stop import (
-    REPEAT_S,
     Demand,
     RobotReport,
     StopControl,
-    new_stop_id,
     pressed,
     release_hindrance,
     release_requested,
     request,
     updated,
 )
+from offboard.operate.stop_press import REPEAT_S, new_stop_id
 
 _log = logging.getLogger("command_center")
 

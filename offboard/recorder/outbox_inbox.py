@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.messages.delivery import OutboxPiece, OutboxReceipt
-from common.recording import MESSAGE_BYTES_MAX
+from common.zenoh_channel import MESSAGE_BYTES_MAX
 
 TOTAL_BYTES_MAX = 2 * MESSAGE_BYTES_MAX
 HANDOVER_S = 10.0  # longer than the outbox waits for a recorder that has ended

@@ -62,6 +62,7 @@ def test_no_program_imports_tests() -> None:
             "zenoh",
             (
                 "common/zenoh_bus.py",
+                "common/zenoh_channel.py",
                 "common/zenoh_end.py",
                 "common/zenoh_inbox.py",
                 "common/zenoh_links.py",

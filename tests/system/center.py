@@ -8,7 +8,7 @@ import time
 from common.clock import FreeClock
 from common.config import Config
 from common.zenoh_bus import ZenohBus
-from common.zenoh_session import Mode
+from common.zenoh_channel import Mode
 from offboard.command_center.command_center import CommandCenter
 from offboard.command_center.module_watch import Freshness
 from offboard.operate.stop_desk import StopSender

@@ -13,7 +13,7 @@ from common.codec import CODEC_VERSION, encode
 from common.config import Config
 from common.messages.health import Status
 from common.messages.topics import TOPICS
-from common.zenoh_session import Channel, session_config
+from common.zenoh_channel import Channel, session_config
 
 
 def junk() -> list[bytes]:

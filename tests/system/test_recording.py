@@ -21,8 +21,8 @@ from common.clock import FreeClock
 from common.config_file import load_config
 from common.errors import ErrorCode
 from common.messages.topics import LAPTOP_RECORDED, POSE, ROBOT_RECORDED, STATUS, TOPICS
-from common.recording import MESSAGE_BYTES_MAX
 from common.zenoh_bus import ZenohBus
+from common.zenoh_channel import MESSAGE_BYTES_MAX
 from deploy.bench.relay import Relay
 from offboard.runs.run_database import RunReader
 from tests.system.conftest import ROOT, Mesh, children_of, environment, run_cli, until

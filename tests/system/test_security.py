@@ -27,7 +27,8 @@ from common.messages.stop import Permit, StopRequest
 from common.messages.topics import DRIVE, MAP, OPERATION, PERMIT, PLAN, STATUS, STOP, Topic
 from common.reply_budget import BURST_BYTES, RATE_BYTES_S
 from common.zenoh_bus import ZenohBus
-from common.zenoh_session import Channel, direct, session_config
+from common.zenoh_channel import Channel, session_config
+from common.zenoh_session import direct
 from offboard.command_center.log_book import LogEntry
 from offboard.operate.bus_operator import BusOperator, OperatorView
 from offboard.operate.door_sender import SENTENCES, OfDoor

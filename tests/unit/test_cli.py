@@ -37,6 +37,7 @@ def test_a_verb_that_stops_the_robot_loads_no_heavy_library(verb: str) -> None:
     loaded = set(shown.stdout.split())
     assert "zenoh" in loaded
     assert loaded & HEAVY == set()
+    assert ("numpy" in loaded) is (verb != "estop")
 
 
 @pytest.mark.parametrize("place", ["-3,1", "-3.5,-1", "-.5,2", "3,-1"])

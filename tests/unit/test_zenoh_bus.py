@@ -22,7 +22,8 @@ from common.messages.mission import Operation, OperatorCommand
 from common.messages.stop import Permit, StopRequest
 from common.messages.topics import GRID, MAP, OPERATION, PERMIT, POSE, STATUS, STOP, Topic
 from common.zenoh_bus import LOST_S, ZenohBus
-from common.zenoh_session import Channel, direct, session_config
+from common.zenoh_channel import Channel, session_config
+from common.zenoh_session import direct
 from deploy.local.ports import reserve_port
 
 pytestmark = pytest.mark.timeout(30)

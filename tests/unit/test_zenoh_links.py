@@ -20,8 +20,8 @@ from common.config import Config, MeshSection
 from common.messages.health import Status
 from common.messages.topics import STATUS
 from common.zenoh_bus import ZenohBus
+from common.zenoh_channel import Channel, session_config
 from common.zenoh_links import NeighbourWatch, _address, let_go_at_once
-from common.zenoh_session import Channel, session_config
 from deploy.local.ports import reserve_port
 
 

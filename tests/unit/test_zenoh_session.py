@@ -10,7 +10,8 @@ import pytest
 from common.config import Config, MeshSection, apart
 from common.errors import StartError
 from common.modules import ON_ROBOT
-from common.zenoh_session import NEIGHBOURS, Channel, Mode, command_channel, main_channel
+from common.zenoh_channel import Channel, Mode, commander_channel
+from common.zenoh_session import NEIGHBOURS, command_channel, main_channel
 
 certificates = pytest.importorskip("deploy.boards.certificates", reason="pip install cryptography")
 ROUTER, LAPTOP_ROUTER = MeshSection().router, MeshSection().laptop_router
@@ -117,6 +118,11 @@ def test_commands_go_straight_to_the_robot(several: Config) -> None:
 
 def test_comm_listens_on_loopback_and_for_the_other_machines(several: Config) -> None:
     assert main_channel("comm", "router", several).listen == (ROUTER, LISTEN)
+
+
+def test_a_stop_takes_the_channel_of_every_client_of_the_command_center(several: Config) -> None:
+    for config in (several, Config()):
+        assert commander_channel(config) == main_channel("command_center", "client", config)
 
 
 def test_a_machine_without_its_keys_says_so(tmp_path: Path) -> None:

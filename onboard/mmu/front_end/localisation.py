@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field
-from math import atan2, degrees, inf, nan, pi, radians
+from math import atan2, degrees, inf, pi, radians
 
 import numpy as np
 
@@ -24,7 +24,7 @@ _log = logging.getLogger("mmu")
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
     """Standard deviations of the position (m), in its worst direction, which is `worst_rad` on the map, and at right
-    angles to it (NaN: the same); and of the heading (rad).
+    angles to it; and of the heading (rad).
     """
 
     sd_m: float
@@ -33,7 +33,7 @@ class Uncertainty:
     sd_heading_rad: float
 
 
-NOTHING_KNOWN = Uncertainty(inf, nan, 0.0, pi)
+NOTHING_KNOWN = Uncertainty(inf, inf, 0.0, pi)
 
 
 @dataclass(slots=True)
