@@ -17,10 +17,13 @@ function roughly(seconds, size) {
   return [minutes < 10 ? Math.max(1, Math.round(minutes)) : 5 * Math.round(minutes / 5), "min"];
 }
 
-// While it explores nobody knows how much is left: half and double of what it seems are as likely
+// While it explores nobody knows how much is left; nine in ten times the truth was within this factor of what it seems
+const UNKNOWN = 4;
+
 function timeLeft(seconds, exploring) {
   if (!exploring) return `≈ ${roughly(seconds, seconds).join(" ")}`;
-  const [low] = roughly(seconds / 2, 2 * seconds), [high, unit] = roughly(2 * seconds, 2 * seconds);
+  const most = UNKNOWN * seconds;
+  const [low] = roughly(seconds / UNKNOWN, most), [high, unit] = roughly(most, most);
   return `${low} to ${high} ${unit}`;
 }
 
