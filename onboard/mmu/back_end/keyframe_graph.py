@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, radians, sin
 
 import numpy as np
@@ -10,7 +11,6 @@ from scipy.sparse.csgraph import dijkstra
 
 from common.geometry import FloatArray, Points, Pose2, wrap_angle
 from onboard.mmu.back_end.odometry_noise import OdometryNoise
-from onboard.mmu.back_end.pose_factors import RelativePoseFactors
 from onboard.mmu.back_end.pose_graph import PoseGraph
 from onboard.mmu.front_end.scan_matching import Match, register
 from onboard.mmu.map.keyframes import Keyframe, ObservationStore, StatedPose, in_map
@@ -101,20 +101,35 @@ class KeyframeGraph:
         self._edges.append((stated.anchor, node, lost_m))
 
     def register(
-        self, mine: FloatArray, other: FloatArray, node: int, search_m: float, search_rad: float
+        self,
+        mine: FloatArray,
+        other: FloatArray,
+        node: int,
+        search_m: float,
+        search_rad: float,
+        begin_at: int | None = None,
     ) -> Match | None:
-        """Rows of echoes (N, 6) onto others (M, 6), turned about `node`; searched only where a window is given."""
+        """Rows of echoes (N, 6) onto others (M, 6), turned about `node`; searched only where a window is given.
+
+        `begin_at`: the node that they are moved to first, where it is another one.
+        """
         poses = self.graph.poses
         points, directions = in_map(mine, poses)
         fixed, fixed_directions = in_map(other, poses)
-        return register(
-            points, _unit(directions), fixed, _unit(fixed_directions), poses[node, :2], search_m, search_rad
-        )
+        begin = poses[node if begin_at is None else begin_at, :2]
+        shift = begin - poses[node, :2]
+        match = register(points + shift, _unit(directions), fixed, _unit(fixed_directions), begin, search_m, search_rad)
+        if match is None or begin_at is None:
+            return match
+        found = match.correction
+        moved = Pose2(found.x_m + float(shift[0]), found.y_m + float(shift[1]), found.heading_rad)
+        return replace(match, correction=moved)
 
-    def add_match(
-        self, factors: RelativePoseFactors, anchor: int, node: int, match: Match, sd_m: float, sd_rad: float
-    ) -> None:
-        """Adds the pose of `node` as seen from `anchor` by a match, trusted no further than the standard deviations."""
+    def measured(self, anchor: int, node: int, match: Match, sd_m: float, sd_rad: float) -> tuple[Pose2, FloatArray]:
+        """The pose of `node` as seen from `anchor` by a match, and its information (3, 3) there.
+
+        Trusted no further than the standard deviations.
+        """
         pose = self.graph.pose(node)
         corrected = about(pose.as_array()[:2], match.correction).compose(pose)
         reference = self.graph.pose(anchor)
@@ -122,7 +137,7 @@ class KeyframeGraph:
         rotation = np.eye(3)
         rotation[:2, :2] = np.stack([turn.transform([1.0, 0.0]), turn.transform([0.0, 1.0])], axis=1)
         information = rotation @ limited(match.information, sd_m, sd_rad) @ rotation.T
-        factors.add(anchor, node, reference.between(corrected), information)
+        return reference.between(corrected), information
 
 
 def limited(information: FloatArray, sd_m: float, sd_rad: float) -> FloatArray:

@@ -1,19 +1,24 @@
 """Loop closure: what was driven lately is matched against what was driven at the same place before.
 
-Every loop closure that is tried passes its gates here or is rejected: first those of the scan match, then, once the
-graph has settled with it, that of its chi-squared. `take_log` reports each with its figures.
+Every loop closure that is tried passes its gates or is rejected: first those of the scan match (`closure_attempt`),
+then, once the graph has settled with it, that of its chi-squared. One that is weak is held until others agree with it
+(`pairwise_consistency`), and so is one found where the robot may be further off than one search reaches.
+`take_log` reports each with its figures.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from math import radians
 
 import numpy as np
+import numpy.typing as npt
 
-from common.geometry import FloatArray
+from common.geometry import FloatArray, Pose2
+from onboard.mmu.back_end.closure_attempt import ADOPTED_CHI2_MAX, POINTS_MIN, Attempt
 from onboard.mmu.back_end.keyframe_graph import KeyframeGraph
+from onboard.mmu.back_end.odometry_noise import SEARCH_MAX_M
+from onboard.mmu.back_end.pairwise_consistency import Candidate, Candidates
 from onboard.mmu.front_end.scan_matching import Match
 
 # Where a loop closure is tried. The sensitivity to these lengths was not measured
@@ -23,14 +28,11 @@ RECENT_POINTS = 60
 GAP_M = 12.0  # of path before a place counts as visited before
 REACH_M = 3.0
 SPAN_M = 7.0  # of the earlier path, before and after the place; longer by as much as what is matched is
-PASSES_MAX = 2
-
-# Gates. Tuned on recorded robots (range logs); how the share of wrong closures depends on each value was not measured
-OVERLAP_MIN = 0.55
-RMS_MAX_M = 0.07
-POINTS_MIN = 25
-AMBIGUITY_MAX = 0.9  # score of the second-best place over that of the best
-ADOPTED_CHI2_MAX = 12.0  # at rest; a larger one means that the graph does not agree. (99.3 % of right ones, 3 dof)
+PASSES_MAX = 4  # that are tried, as long as not so many of them match:
+MATCHES_MAX = 2
+# Where the robot may be further off than one search reaches: the earlier path there is searched place by place
+WIDE_EVERY_M = 2.0  # of path
+WIDE_STEP_M = 5.0  # of the earlier path, from one place to the next
 
 # Loop closures that odometry's noise allows pass the last gate, but for wrong ones. Logs of wheels with a gyro lost at
 # most four of any ten, three of them in a row; one of wheels alone eight in a row
@@ -42,42 +44,6 @@ MATCH_SD_M = 0.07
 MATCH_SD_RAD = radians(0.6)
 
 
-@dataclass(frozen=True, slots=True)
-class Attempt:
-    """A loop closure that was tried between the nodes `anchor` and `node`."""
-
-    anchor: int
-    node: int
-    points: int  # that were matched
-    match: Match | None
-
-    @property
-    def failed_gate(self) -> str | None:
-        """The first gate of the scan match that it does not pass; None where it passes all."""
-        match = self.match
-        if match is None:
-            return "no match"
-        gates = {
-            "overlap": match.overlap < OVERLAP_MIN,
-            "rms": match.rms_m > RMS_MAX_M,
-            "points": match.overlap * self.points < POINTS_MIN,
-            "ambiguous": match.ambiguity > AMBIGUITY_MAX,
-        }
-        return next((name for name, failed in gates.items() if failed), None)
-
-    def line(self, verdict: str, chi2: float | None = None) -> str:
-        """One line for the log: each figure beside its gate."""
-        text = f"loop closure {verdict} anchor={self.anchor} node={self.node}"
-        if self.match is not None:
-            text += (
-                f" overlap={self.match.overlap:.2f} (min {OVERLAP_MIN:g})"
-                f" rms_m={self.match.rms_m:.3f} (max {RMS_MAX_M:g})"
-                f" points={self.match.overlap * self.points:.0f} (min {POINTS_MIN})"
-                f" ambiguity={self.match.ambiguity:.2f} (max {AMBIGUITY_MAX:g})"
-            )
-        return text if chi2 is None else f"{text} chi2={chi2:.1f} (max {ADOPTED_CHI2_MAX:g})"
-
-
 class LoopClosure:
     """`search` adds loop closures to the graph; `adopt`, once the graph has settled, judges those that were added."""
 
@@ -85,8 +51,10 @@ class LoopClosure:
         self.count = 0  # of those that were added
         self._keyframes = keyframes
         self._added: list[Attempt] = []  # and not judged yet
+        self._candidates = Candidates(keyframes)
+        self._searched_widely_m = 0.0  # path at the last time
         self._judged: deque[bool] = deque(maxlen=JUDGED)  # whether each was adopted
-        self._log: list[str] = []  # two lines at most for each search
+        self._log: list[str] = []  # five lines at most for each search
 
     def search(self) -> None:
         """Tries the earlier passes of this place, the oldest ones first."""
@@ -105,15 +73,20 @@ class LoopClosure:
         mine = int(np.median(rows[:, 0]))
         graph_paths_m = keyframes.graph_paths_m()
         reach_m = REACH_M + keyframes.noise.search_window(graph_paths_m)[0]
+        lost_m = keyframes.noise.lost_m(graph_paths_m)
+        wide = np.flatnonzero((lost_m > SEARCH_MAX_M) & (near_m < lost_m))
         for _ in range(PASSES_MAX):
             reachable = np.flatnonzero(near_m < reach_m)
-            if not len(reachable):
-                return
+            if not len(reachable) or len(self._added) >= MATCHES_MAX:
+                break
             first_m = paths_m[reachable[0]]
             of_pass = reachable[paths_m[reachable] < first_m + 2 * REACH_M]
             anchor = int(of_pass[near_m[of_pass].argmin()])
             self._try_pass(anchor, mine, rows, span_m, float(graph_paths_m[anchor]))
             near_m[paths_m < first_m + 2 * span_m] = np.inf
+        if len(wide) and not self._added and keyframes.path_m - self._searched_widely_m >= WIDE_EVERY_M:
+            self._searched_widely_m = keyframes.path_m
+            self._search_widely(wide, mine, rows, span_m)
 
     def adopt(self) -> None:
         """Judges the loop closures added since the last call: does the settled graph agree with them?"""
@@ -149,9 +122,43 @@ class LoopClosure:
         match = keyframes.register(recent, rows, node, float(search_m), float(search_rad))
         attempt = Attempt(anchor, node, len(recent), match)
         failed = attempt.failed_gate
-        if match is None or failed is not None:
+        if match is not None and failed is None:
+            self._candidates.clear()
+            self._add(attempt, *keyframes.measured(anchor, node, match, MATCH_SD_M, MATCH_SD_RAD))
+        elif match is not None and attempt.weak:
+            self._hold(attempt, match, f"held: {failed}")
+        else:
             self._log.append(attempt.line(f"rejected: {failed}"))
-            return
+
+    def _search_widely(self, anchors: npt.NDArray[np.intp], node: int, recent: FloatArray, span_m: float) -> None:
+        """Somewhere along these earlier nodes, place by place; the best match is held until others agree with it."""
+        keyframes = self._keyframes
+        begins_m, searched_m = float(recent[:, 1].min()), -np.inf
+        found: list[tuple[Attempt, Match]] = []
+        for anchor in anchors.tolist():
+            path_m = keyframes.paths_m[anchor]
+            if path_m - searched_m < WIDE_STEP_M:
+                continue
+            searched_m = path_m
+            rows = keyframes.echoes.stretch(path_m - span_m, min(path_m + span_m, begins_m - 2.0))
+            if len(rows) < POINTS_MIN:
+                continue
+            match = keyframes.register(recent, rows, node, SEARCH_MAX_M, keyframes.noise.lost_max_rad, begin_at=anchor)
+            attempt = Attempt(anchor, node, len(recent), match)
+            if match is not None and attempt.weak:
+                found.append((attempt, match))
+        if found:
+            self._hold(*max(found, key=lambda pair: pair[1].score), "held: searched widely")
+
+    def _hold(self, attempt: Attempt, match: Match, verdict: str) -> None:
+        """Until others agree with it."""
+        self._log.append(attempt.line(verdict))
+        measured = self._keyframes.measured(attempt.anchor, attempt.node, match, MATCH_SD_M, MATCH_SD_RAD)
+        self._candidates.hold(Candidate(attempt, *measured))
+        for candidate in self._candidates.agreeing():
+            self._add(candidate.attempt, candidate.seen, candidate.information)
+
+    def _add(self, attempt: Attempt, seen: Pose2, information: FloatArray) -> None:
         self.count += 1
         self._added.append(attempt)
-        keyframes.add_match(keyframes.graph.loop_closures, anchor, node, match, MATCH_SD_M, MATCH_SD_RAD)
+        self._keyframes.graph.loop_closures.add(attempt.anchor, attempt.node, seen, information)

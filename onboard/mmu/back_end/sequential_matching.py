@@ -94,4 +94,5 @@ class SequentialMatching:
         anchor = int(np.searchsorted(keyframes.paths_m, begins_m - GAP_M - 1.0))
         if anchor >= node:
             return
-        keyframes.add_match(keyframes.graph.sequential_matches, anchor, node, match, MATCH_SD_M, MATCH_SD_RAD)
+        measured = keyframes.measured(anchor, node, match, MATCH_SD_M, MATCH_SD_RAD)
+        keyframes.graph.sequential_matches.add(anchor, node, *measured)
