@@ -75,6 +75,14 @@ def test_goto_ends_in_arrived_and_never_in_finished() -> None:
         assert after(going, Event.ARRIVED).state.outcome is Outcome.ARRIVED
 
 
+def test_who_arrived_at_a_place_or_stands_stopped_goes_on_and_no_headless_run_ends_with_it() -> None:
+    assert [outcome for outcome in Outcome if not outcome.ends_mission] == [
+        Outcome.NONE,
+        Outcome.ARRIVED,
+        Outcome.STOPPED,
+    ]
+
+
 def test_only_an_exploration_that_left_nothing_out_is_finished() -> None:
     explored = (Event.START, Event.AHEAD, Event.LEG_OVER, Event.EXPLORED, Event.ARRIVED, Event.ALIGNED)
     assert run(*explored) == State(Mode.DONE, Outcome.FINISHED, Outcome.FINISHED)
