@@ -200,6 +200,15 @@ def test_the_verb_puts_what_a_person_entered_into_the_title_block(tmp_path: Path
     assert {"run", "IT Building", "N", "bearing 45°"} <= there
 
 
+def test_a_file_where_an_export_needs_a_folder_is_named_in_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, taken = write_run(tmp_path / "run", hall()), tmp_path / "taken"
+    taken.touch()
+    assert main(["export", str(run), "--to", str(taken), "--format", "svg"]) != 0
+    assert capsys.readouterr().err == f"indoor-mapping: {taken}: File exists.\n"
+
+
 def test_the_date_of_a_sheet_is_the_day_on_which_the_run_began(recorded_run: Path, tmp_path: Path) -> None:
     export(recorded_run, tmp_path, ["svg"])
     assert f"{formats.title(recorded_run).date}   scale 1:100" in (tmp_path / "map.svg").read_text()
