@@ -321,6 +321,15 @@ def test_site_that_names_its_forms_keeps_to_them() -> None:
     assert site.doubt(plates[0]) == "the site's numbers are not building-room"
 
 
+@pytest.mark.parametrize("pattern", ["", "[A-Z]?[0-9]{3}"])
+@pytest.mark.parametrize(("text", "counts"), [("000", False), ("O00", False), ("100", True), ("008", True)])
+def test_buttons_and_coins_in_a_row_are_no_number(pattern: str, text: str, counts: bool) -> None:
+    forms = site_forms(PoiSection(number_pattern=pattern))
+    number = forms.match(text)
+    assert number is not None
+    assert forms.counts(number) is counts
+
+
 def test_year_counts_among_rooms_of_its_hundred() -> None:
     room_2019 = room("2019", "plain", "a year")
     neighbours = [room(f"20{n}", "plain") for n in range(50, 50 + BACKING_MIN)]

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 Image = npt.NDArray[np.uint8]  # (height, width, 3), blue green red
+PRINTED = ("page", "text")  # on these nothing is a plate
 SHARE_MIN = 0.35  # of a photograph's width, that a view shows
 # The package's module, the folder in it, the names of the photographs
 _FILES = (
@@ -33,21 +34,26 @@ def missing() -> list[str]:
 
 
 @cache
-def photographs() -> tuple[Image, ...]:
-    """Those that are installed."""
+def photographs(printed: bool = True) -> tuple[Image, ...]:
+    """Those that are installed, with or without those of printed pages."""
     found = []
     for package, folder, names in _FILES:
         spec = importlib.util.find_spec(package)
         if spec is None or spec.origin is None:
             continue
-        files = [Path(spec.origin).parent / folder / f"{name}{end}" for name in names for end in (".png", ".jpg")]
+        files = [
+            Path(spec.origin).parent / folder / f"{name}{end}"
+            for name in names
+            if printed or name not in PRINTED
+            for end in (".png", ".jpg")
+        ]
         found += [np.asarray(cv2.imread(str(file)), np.uint8) for file in files if file.is_file()]
     return tuple(found)
 
 
-def view(rng: Random, size_px: tuple[int, int]) -> npt.NDArray[np.float32]:
+def view(rng: Random, size_px: tuple[int, int], printed: bool = True) -> npt.NDArray[np.float32]:
     """A part of one photograph that fills a picture of that width and height."""
-    photo = rng.choice(photographs())
+    photo = rng.choice(photographs(printed))
     height, width = photo.shape[:2]
     shown = rng.uniform(SHARE_MIN, 1.0) * min(width, height * size_px[0] / size_px[1])
     wide, high = int(shown), int(shown * size_px[1] / size_px[0])

@@ -92,7 +92,7 @@ def _scene(
     noise = np.random.default_rng(rng.getrandbits(32))
     flat = np.asarray(drawn.picture)[..., ::-1].astype(np.float32)
     on_photograph = bool(photographs()) and rng.random() < 0.5
-    backdrop = view(rng, SIZE_PX) if on_photograph else _wall(rng, noise)
+    backdrop = view(rng, SIZE_PX, printed=False) if on_photograph else _wall(rng, noise)
     if covered:
         _cover(flat, drawn, rng)
     if rng.random() < 0.3:

@@ -1,7 +1,7 @@
 """Numbers that have the form of a room's and usually are none: years, times, ranges, emergency calls, voltages.
 
 Each is only a suspicion: where the floor's other plates back it (`site_numbers.py`), it counts. A pattern that a site
-wrote by itself is not suspected at all.
+wrote by itself is not suspected, except of showing no text at all.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ _SUSPICIONS = (
     ("opening hours", re.compile("24/7|(?:[5-9]|1[0-2])-(?:1[2-9]|2[0-4])")),
     ("a telephone number", re.compile("[0-9]{3}-[0-9]{4}")),
 )
+# Buttons, coins, lamps, holes
+_CIRCLES = re.compile("[CDGOQ0]*[-./ ]?[CDGOQ]*00[CDGOQ0]*", re.IGNORECASE)
 _RANGE = re.compile("([0-9]+)-([0-9]+)")
 # On a line of its own, without a digit, beside the number that it explains
 _LABEL = re.compile(
@@ -29,8 +31,15 @@ _LABEL = re.compile(
 )
 
 
-def suspicion(number: str) -> str:
-    """What a room number may be instead, "a year" for example; empty when nothing is known."""
+def suspicion(number: str, own: bool = False) -> str:
+    """What a room number may be instead, "a year" for example; empty when nothing is known.
+
+    `own`: it is of a pattern that the site wrote by itself.
+    """
+    if _CIRCLES.fullmatch(number) is not None:
+        return "a row of circles"
+    if own:
+        return ""
     span = _RANGE.fullmatch(number)
     if span is not None and len(span[1]) == len(span[2]) and span[1] < span[2]:
         return "a range of rooms"

@@ -78,7 +78,7 @@ class NumberForms:
         if found is None:
             return None
         form, shown, repairs = found
-        return RoomNumber(shown, form, words, "" if form == OWN_PATTERN else suspicion(shown), repairs)
+        return RoomNumber(shown, form, words, suspicion(shown, own=form == OWN_PATTERN), repairs)
 
     def _without_words(self, text: str) -> tuple[str, str]:
         taken = []
