@@ -43,6 +43,18 @@ def shown(reading: SignReading) -> str:
     return reading.number.shown if reading.number is not None and reading.verdict is Verdict.PLATE else ""
 
 
+def test_words_of_small_lines_that_were_read_one_by_one_are_no_more_lines() -> None:
+    names = [("Dr.", "A.", "Keller"), ("Prof.", "M.", "Lindqvist"), ("Ms.", "E.", "Novak")]
+    words = [
+        line(word, 0.5, 270.0 + 36.0 * row, LEFT_PX + 60.0 * column)
+        for row, name in enumerate(names)
+        for column, word in enumerate(name)
+    ]
+    assert shown(judged([line("214"), *words])) == "214"
+    notes = [line("in any case", 0.4, 270.0 + 28.0 * row) for row in range(9)]
+    assert judged([line("214"), *notes]).reason == "too many lines"
+
+
 @pytest.mark.parametrize(
     "parts",
     [

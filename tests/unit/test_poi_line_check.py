@@ -191,6 +191,11 @@ def test_borders_of_a_narrow_plate_are_alike_wherever_the_limit_between_near_and
     assert check(soft, "214B").damage == ""
 
 
+def test_room_between_a_word_and_its_number_is_no_gap_but_behind_a_dot_between_digits_it_is() -> None:
+    assert check(drawn(("No.", 55, 0), ("848", 152, 0)), "No.848").damage == ""
+    assert check(drawn(("4.", 55, 0), ("84", 114, 0)), "4.84").damage == "a gap between the letters"
+
+
 def test_raised_digit_is_damage() -> None:
     assert check(drawn(("10", 55, 0), ("2", 112, 4)), "102").damage
 

@@ -19,7 +19,8 @@ from onboard.poi.signs.text_line import TextLine
 LARGER = 1.3  # a line whose letters are higher than the number's by that factor is what the sign is about
 ALIKE = 0.78  # lines are alike when their letters differ by less than this share
 SMALL = 0.6  # digits in letters lower than that share of the number's are notes, such as a telephone number
-ALIKE_MAX, OTHERS_MAX = 2, 8  # lines beside the number: as high as it, and in all
+ALIKE_MAX = 2  # lines beside the number that are as high as it
+ROWS_MAX = 8  # of other lines, in all
 STACK_GAP = 1.4  # between the two lines of one number, in their letters' height
 STACK_SHIFT = 1.0  # between their left ends, middles or right ends, the same
 LEGIBLE = 0.5  # confidence from which other text counts
@@ -81,13 +82,18 @@ def arranged(
         highest = max(one.letter_px for one in found)
         found = [one for one in found if one.letter_px >= SMALL * highest]
     used = {id(line) for one in found for line in one.lines}
-    others = tuple(line for row in rows for line in row if id(line) not in used and line.confidence > LEGIBLE)
+    beside = [[line for line in row if id(line) not in used and line.confidence > LEGIBLE] for row in rows]
+    others = tuple(line for row in beside for line in row)
     if not found:
         return Arrangement(None, others, NO_NUMBER)
     if len({one.number for one in found}) > 1:
         return Arrangement(None, others, "several numbers")
     numbered = found[0]
-    return Arrangement(numbered, others, _objection(numbered, others, known))
+    reason = _objection(numbered, others, known)
+    # The words of a line may be read one by one
+    if not reason and sum(bool(row) for row in beside) > ROWS_MAX:
+        reason = "too many lines"
+    return Arrangement(numbered, others, reason)
 
 
 def _objection(numbered: Numbered, others: Sequence[TextLine], known: Callable[[str], bool]) -> str:
@@ -111,9 +117,7 @@ def _objection(numbered: Numbered, others: Sequence[TextLine], known: Callable[[
             alike += 1
             if not is_name(text) and len(text) > 2:
                 return "prose"
-    if alike > ALIKE_MAX or len(others) > OTHERS_MAX:
-        return "too many lines"
-    return ""
+    return "too many lines" if alike > ALIKE_MAX else ""
 
 
 def _in_row(row: Row, match: Match, known: Callable[[str], bool] | None) -> Numbered | None:

@@ -37,11 +37,9 @@ FAINT = 0.45  # share of the usual letter's contrast
 RUNNING_TOGETHER = 0.6  # letters per character: from there on each letter is not seen by itself
 ICON_GAP, ICON_HEIGHT, ICON_OFF = 0.25, 1.15, 0.16  # a pictogram beside the line: apart, higher, or not on its foot
 DASH_MAX, DASH_BETWEEN = 0.3, (0.3, 0.75)  # height of a dash, and where its middle is, from above
-FRAME = 0.35  # around letters in a box that fits them
-ROOM = 0.9  # between the letters and an end of their box, which reaches about 0.3 beyond them
+FRAME, ROOM = 0.35, 0.9  # around letters in a box that fits them; where the box holds something else, too
 BLOCK = 0.5  # step of the background there, share of the letters' contrast
-UNREAD_GAP = 0.4  # beside a letter that was not read
-WORDS_APART = 0.8  # a gap that parts a number from a name
+UNREAD_GAP, WORDS_APART = 0.4, 0.8  # gaps: beside a letter that was not read; between a number and a name
 Profile = npt.NDArray[np.float32]  # (N,), grey
 
 FLAT = frozenset("-–—.·•:,'´`_~\"")
@@ -276,8 +274,10 @@ def _missing(
     gaps = [b.x - a.right for a, b in pairwise(line.letters)]
     limit = max(GAP_MAX * capital, GAP_TIMES * sorted(gaps)[(len(gaps) - 1) // 2]) if gaps else 0.0
     wide = [i for i, gap in enumerate(gaps) if gap > limit]
-    if own is not None:  # a letter often stands apart from the digits behind it
-        wide = [i for i in wide if characters[i].text.isalpha() == characters[i + 1].text.isalpha()]
+    if own is not None:  # a letter often stands apart from the digits behind it, and so does "No."
+        texts = [c.text for c in characters]
+        before = [next((t for t in reversed(texts[: i + 1]) if t not in FLAT), "") for i in wide]
+        wide = [i for i, text in zip(wide, before, strict=True) if text.isalpha() == texts[i + 1].isalpha()]
     return "a gap between the letters" if len(wide) > spaces else ""
 
 
