@@ -24,9 +24,8 @@ from deploy.bench.mission import HERE
 from deploy.bench.order import Order
 from offboard.evaluate.signs.fonts import DEVELOPMENT, HELD_OUT, missing
 from offboard.evaluate.signs.photographs import missing as missing_photographs
-from offboard.evaluate.signs.photographs import photographs
 from offboard.evaluate.signs.reading import evaluated
-from offboard.evaluate.signs.scenes import Kind, case, store
+from offboard.evaluate.signs.scenes import Kind, case, drawable, store
 from offboard.evaluate.signs.scoring import outcome_table, reliability_table
 from onboard.poi.camera.frame_source import photo_files, read_photo
 from onboard.poi.signs.grouping import signs
@@ -34,7 +33,7 @@ from onboard.poi.signs.ocr_engine import SignReader
 from onboard.poi.signs.photo_reading import PHOTO_DETECTION_SIDE_PX
 from onboard.poi.signs.sign_reading import sign_rules
 
-CASES = {Kind.PLATE: 480, Kind.COVERED: 240, Kind.DISTRACTOR: 200, Kind.PHOTOGRAPH: 560}
+CASES = {Kind.PLATE: 480, Kind.COVERED: 240, Kind.DISTRACTOR: 200, Kind.COMPOSITE: 240, Kind.PHOTOGRAPH: 560}
 QUICK = 8  # one of so many cases
 FRAMES, FRAMES_QUICK = 40, 12
 MEMORY_MAX_MB = 450
@@ -73,7 +72,8 @@ def bench(order: Order) -> None:
     step = QUICK if order.quick else 1
     for name, fonts in (("fonts of development", DEVELOPMENT), ("fonts held out", HELD_OUT)):
         # Photographs without a sign are the same in both
-        kinds = [kind for kind in Kind if kind is not Kind.PHOTOGRAPH or (fonts is HELD_OUT and photographs())]
+        left_out = () if fonts is HELD_OUT else (Kind.PHOTOGRAPH,)
+        kinds = [kind for kind in drawable() if kind not in left_out]
         cases = (case(kind, i, fonts) for kind in kinds for i in range(0, CASES[kind], step))
         results = list(evaluated(cases, reader))
         print(f"\n{name}", *outcome_table(results), "", *reliability_table(results), sep="\n", flush=True)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 Image = npt.NDArray[np.uint8]  # (height, width, 3), blue green red
 PRINTED = ("page", "text")  # on these nothing is a plate
+BACKDROPS = 7  # the first of them, behind half of the signs
 SHARE_MIN = 0.35  # of a photograph's width, that a view shows
 # The package's module, the folder in it, the names of the photographs
 _FILES = (
@@ -49,6 +50,14 @@ def photographs(printed: bool = True) -> tuple[Image, ...]:
         ]
         found += [np.asarray(cv2.imread(str(file)), np.uint8) for file in files if file.is_file()]
     return tuple(found)
+
+
+def backdrop(rng: Random, size_px: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """One of the first photographs, so large that it fills a picture of that width and height."""
+    photo = rng.choice(photographs()[:BACKDROPS])
+    grown = max(size_px[0] / photo.shape[1], size_px[1] / photo.shape[0])
+    large = cv2.resize(photo, None, fx=grown, fy=grown, interpolation=cv2.INTER_CUBIC)
+    return np.asarray(large[: size_px[1], : size_px[0]], np.float32)
 
 
 def view(rng: Random, size_px: tuple[int, int], printed: bool = True) -> npt.NDArray[np.float32]:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from offboard.evaluate.signs.layouts import DRAWN_CAPITALS_PX, Drawn, Layout, draw_notice, draw_plate, halves
-from offboard.evaluate.signs.photographs import Image, photographs, view
+from offboard.evaluate.signs.photographs import Image, backdrop, photographs, view
 from offboard.evaluate.signs.texts import FORMS, NumberForm, distractor
 
 SIZE_PX = (1280, 960)
@@ -32,15 +32,13 @@ class Kind(Enum):
     PLATE = "plate"  # its number
     COVERED = "covered"  # its number or none: something hides a part of a letter
     DISTRACTOR = "distractor"  # nothing
-    PHOTOGRAPH = "no sign"  # nothing: a photograph as it is
+    COMPOSITE = "on a photograph"  # its number: a plate on a part of any photograph
+    PHOTOGRAPH = "no sign"  # nothing: a part of any photograph
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One picture and what is in it; `number` as the plate shows it, empty where there is none.
-
-    `on_photograph`: what is behind the sign is a photograph, not a drawn wall.
-    """
+    """One picture and what is in it; `number` as the plate shows it, empty where there is none."""
 
     kind: Kind
     index: int
@@ -50,21 +48,20 @@ class Case:
     font: str
     capitals_px: float
     tilt_deg: tuple[float, float, float]  # yaw, pitch, roll
-    on_photograph: bool
     image: Image
 
 
 def case(kind: Kind, index: int, fonts: Sequence[str], seed: int = 1) -> Case:
     """Draws one case. Every form comes with every font in turn; the rest is drawn from the seed.
 
-    Kind.PHOTOGRAPH needs photographs.
+    Kind.COMPOSITE and Kind.PHOTOGRAPH need photographs.
     """
     rng = Random(f"{seed} {kind.value} {index}")
     form, font = FORMS[index % len(FORMS)], fonts[(index // len(FORMS) + index) % len(fonts)]
     number, layout = "", None
     if kind is Kind.PHOTOGRAPH:
         picture = _photographed(view(rng, SIZE_PX), CAPITALS_PX[0], rng, np.random.default_rng(rng.getrandbits(32)))
-        return Case(kind, index, form, None, "", "", CAPITALS_PX[0], (0.0, 0.0, 0.0), True, picture)
+        return Case(kind, index, form, None, "", "", CAPITALS_PX[0], (0.0, 0.0, 0.0), picture)
     if kind is Kind.DISTRACTOR:
         drawn = draw_notice(distractor(rng), font, rng)
     else:
@@ -76,8 +73,13 @@ def case(kind: Kind, index: int, fonts: Sequence[str], seed: int = 1) -> Case:
         drawn = draw_plate(layout, form.before + number, font, rng)
     capitals_px = CAPITALS_PX[0] * (CAPITALS_PX[1] / CAPITALS_PX[0]) ** rng.random()
     tilt_deg = rng.uniform(-40, 40), rng.uniform(-10, 10), rng.gauss(0, 4)
-    on_photograph, image = _scene(drawn, capitals_px, tilt_deg, kind is Kind.COVERED, rng)
-    return Case(kind, index, form, layout, number, font, capitals_px, tilt_deg, on_photograph, image)
+    image = _scene(kind, drawn, capitals_px, tilt_deg, rng)
+    return Case(kind, index, form, layout, number, font, capitals_px, tilt_deg, image)
+
+
+def drawable() -> list[Kind]:
+    """The kinds that can be drawn with what is installed."""
+    return [kind for kind in Kind if photographs() or kind not in (Kind.COMPOSITE, Kind.PHOTOGRAPH)]
 
 
 def store(image: Image, file: Path) -> None:
@@ -85,23 +87,22 @@ def store(image: Image, file: Path) -> None:
     cv2.imwrite(str(file), image, [cv2.IMWRITE_JPEG_QUALITY, 95])
 
 
-def _scene(
-    drawn: Drawn, capitals_px: float, tilt_deg: tuple[float, float, float], covered: bool, rng: Random
-) -> tuple[bool, Image]:
-    """The sign in its scene, and whether that is a photograph."""
+def _scene(kind: Kind, drawn: Drawn, capitals_px: float, tilt_deg: tuple[float, float, float], rng: Random) -> Image:
     noise = np.random.default_rng(rng.getrandbits(32))
     flat = np.asarray(drawn.picture)[..., ::-1].astype(np.float32)
-    on_photograph = bool(photographs()) and rng.random() < 0.5
-    backdrop = view(rng, SIZE_PX, printed=False) if on_photograph else _wall(rng, noise)
-    if covered:
+    if kind is Kind.COMPOSITE:
+        behind = view(rng, SIZE_PX, printed=False)
+    else:
+        behind = backdrop(rng, SIZE_PX) if photographs() and rng.random() < 0.5 else _wall(rng, noise)
+    if kind is Kind.COVERED:
         _cover(flat, drawn, rng)
     if rng.random() < 0.3:
         _shine(flat, rng, 0.5)
     scale = capitals_px / DRAWN_CAPITALS_PX
     # As much of the sign as fits the picture, which a long notice may not
     scale = min(scale, 0.9 * SIZE_PX[0] / flat.shape[1], 0.9 * SIZE_PX[1] / flat.shape[0])
-    picture = _tilted(flat, backdrop, scale, tilt_deg, rng)
-    return on_photograph, _photographed(picture, capitals_px, rng, noise)
+    picture = _tilted(flat, behind, scale, tilt_deg, rng)
+    return _photographed(picture, capitals_px, rng, noise)
 
 
 def _wall(rng: Random, noise: np.random.Generator) -> npt.NDArray[np.float32]:

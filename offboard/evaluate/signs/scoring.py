@@ -45,7 +45,6 @@ class Result:
     number: str
     font: str
     capitals_px: float
-    on_photograph: bool
     answers: tuple[Answer, ...]
 
     @property
@@ -66,9 +65,8 @@ class Result:
 
 def result(case: Case, answers: Sequence[Answer]) -> Result:
     return Result(
-        case.kind, case.index, case.form.name, case.layout, case.number, case.font, case.capitals_px,
-        case.on_photograph, tuple(answers),
-    )  # fmt: skip
+        case.kind, case.index, case.form.name, case.layout, case.number, case.font, case.capitals_px, tuple(answers)
+    )
 
 
 def shares(results: Iterable[Result], kind: Kind) -> dict[Outcome, float]:
@@ -82,9 +80,6 @@ def outcome_table(results: Sequence[Result]) -> list[str]:
     lines = [f"{'':26}" + "".join(f"{outcome.value:>10}" for outcome in Outcome) + "     cases"]
     for kind in Kind:
         lines.append(_line(kind.value, [r for r in results if r.kind is kind]))
-    for on_photograph in (False, True):
-        ground = [r for r in results if r.kind is Kind.PLATE and r.on_photograph is on_photograph]
-        lines.append(_line("  on a photograph" if on_photograph else "  on a wall", ground))
     for layout in Layout:
         lines.append(_line(f"  {layout.value}", [r for r in results if r.kind is Kind.PLATE and r.layout is layout]))
     for what in ("form", "font"):
