@@ -13,7 +13,7 @@ POINTS_MIN = 25
 AMBIGUITY_MAX = 0.9  # score of the second-best place over that of the best
 ADOPTED_CHI2_MAX = 12.0  # at rest; a larger one means that the graph does not agree. (99.3 % of right ones, 3 dof)
 
-# What fails the first or the third of these, or is ambiguous, counts with others that say the same, from here on
+# What fails the gate of overlap or of points counts with others that say the same, from here on
 WEAK_OVERLAP_MIN = 0.35
 WEAK_POINTS_MIN = 15
 

@@ -125,7 +125,7 @@ class LoopClosure:
         if match is not None and failed is None:
             self._candidates.clear()
             self._add(attempt, *keyframes.measured(anchor, node, match, MATCH_SD_M, MATCH_SD_RAD))
-        elif match is not None and attempt.weak:
+        elif match is not None and attempt.weak and failed != "ambiguous":
             self._hold(attempt, match, f"held: {failed}")
         else:
             self._log.append(attempt.line(f"rejected: {failed}"))
