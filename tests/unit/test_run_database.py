@@ -63,7 +63,7 @@ def test_messages_are_read_by_time_and_onwards_from_a_row(database: RunDatabase,
         assert list(run.display_data(after_row=seen.row)) == []
         store(database, message(POSE, 11, pose(11.0)))
         assert [m.as_text("comm") for m in run.display_data(seen.row)] == [
-            "MMU_CM_11000_11.000,0.000,0.000,0.000,0.010,0.010,1"
+            "MMU_CM_11000_11.000,0.000,0.000,0.000,0.010,0.010,1,inf,0.000"
         ]
         assert run.latest(PLAN) is None
 

@@ -13,7 +13,7 @@ BESIDE_CELLS = 2  # of the start: a robot on a cell that an echo made a wall of 
 
 def reachable(prices: Prices, start: Cell) -> Mask:
     """Passable cells (rows, columns) that steps to any of eight neighbours lead to, from a cell or beside it."""
-    passable = np.array(prices.by_kind)[prices.kinds] > 0.0  # with a border, where no run goes on
+    passable = (np.array(prices.by_kind) > 0.0)[prices.kinds]  # with a border, where no run goes on
     width = passable.shape[1]
     ends = np.flatnonzero(np.diff(passable.ravel(), prepend=False, append=False))
     first, last = ends[::2], ends[1::2] - 1  # of each run, in the order of the rows
@@ -25,13 +25,13 @@ def reachable(prices: Prices, start: Cell) -> Mask:
         (np.searchsorted(last, first + step - 1), np.searchsorted(first, last + step + 1, side="right"))
         for step in (-width, width)
     ]
-    touched = [list(zip(low.tolist(), high.tolist(), strict=True)) for low, high in sides]
+    touched, reached = [(low.data, high.data) for low, high in sides], found.data
     while stack:
         run = stack.pop()
-        for side in touched:
-            for near in range(*side[run]):
-                if not found[near]:
-                    found[near] = True
+        for low, high in touched:
+            for near in range(low[run], high[run]):
+                if not reached[near]:
+                    reached[near] = True
                     stack.append(near)
     changes = np.zeros(passable.size + 1, np.int8)
     changes[first[found]], changes[last[found] + 1] = 1, -1
