@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field
-from math import atan2, degrees, inf, pi, radians
+from math import atan2, degrees, hypot, inf, pi, radians, sqrt
 
 import numpy as np
 
@@ -77,11 +77,14 @@ class Localisation:
         if self.kidnapped:
             return NOTHING_KNOWN
         since_m = path_m - self._known_path_m
-        variances, directions = np.linalg.eigh(self._covariance[:2, :2])
-        least_m, worst_m = np.minimum(np.sqrt(np.maximum(variances, 0.0)) + SD_M_PER_M * since_m, SD_MAX_M).tolist()
-        worst_rad = atan2(directions[1, 1], directions[0, 1])
-        heading_rad = max(float(self._covariance[2, 2]), 0.0) ** 0.5 + SD_RAD_PER_M * since_m
-        return Uncertainty(worst_m, least_m, worst_rad, min(heading_rad, pi))
+        (xx, xy, _), (_, yy, _), (_, _, heading) = self._covariance.tolist()
+        middle, apart = (xx + yy) / 2, hypot((xx - yy) / 2, xy)
+        worst_m, least_m = (
+            min(sqrt(max(variance, 0.0)) + SD_M_PER_M * since_m, SD_MAX_M)
+            for variance in (middle + apart, middle - apart)
+        )
+        heading_rad = sqrt(max(heading, 0.0)) + SD_RAD_PER_M * since_m
+        return Uncertainty(worst_m, least_m, atan2(2 * xy, xx - yy) / 2, min(heading_rad, pi))
 
     def _set(self, path_m: float, sd_m: float, sd_rad: float) -> None:
         self._covariance, self._known_path_m = np.diag([sd_m**2, sd_m**2, sd_rad**2]), path_m
