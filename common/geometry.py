@@ -115,6 +115,12 @@ def principal_axis(points: Points) -> tuple[float, float, float]:
     return 0.5 * atan2(2 * b, a - d), across, along
 
 
+def principal_axes(xx: float, xy: float, yy: float) -> tuple[float, float, float]:
+    """Of a covariance in the plane: its largest and smallest variance, and the direction of the largest (rad)."""
+    middle, apart = (xx + yy) / 2, hypot((xx - yy) / 2, xy)
+    return middle + apart, middle - apart, atan2(2 * xy, xx - yy) / 2
+
+
 def rigid_fit(source: Points, target: Points) -> Pose2:
     """The rigid motion that brings `source` (N, 2) onto `target` (N, 2) with the least squared distance.
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import hypot, isfinite, nan, sqrt
+from math import isfinite, nan, sqrt
 from typing import Any, Protocol
 
 from common.bus import Bus
 from common.fields import COORDINATE
+from common.geometry import principal_axes
 from common.grid_cells import cells_of
 from common.messages.mapping import GridUpdate
 from common.messages.mission import Operation
@@ -64,7 +65,7 @@ class InitialPose:
 def standard_deviations(covariance: Sequence[float]) -> tuple[float, float]:
     """Of the place along its worst direction, and of the heading; of 36 numbers as ROS has them. NaN where none are."""
     xx, xy, yy, heading = covariance[0], covariance[1], covariance[7], covariance[35]
-    worst = (xx + yy) / 2 + hypot((xx - yy) / 2, xy)
+    worst, _, _ = principal_axes(xx, xy, yy)
     return (sqrt(worst), sqrt(heading)) if worst >= 0.0 and heading >= 0.0 else (nan, nan)
 
 

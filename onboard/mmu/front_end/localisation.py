@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field
-from math import atan2, degrees, hypot, inf, pi, radians, sqrt
+from math import degrees, inf, pi, radians, sqrt
 
 import numpy as np
 
-from common.geometry import FloatArray
+from common.geometry import FloatArray, principal_axes
 
 # Standard deviations after a restart, until the back end knows better; how they grow with the path that it does not
 # know yet, which is a metre as a rule. The sensitivity was not measured
@@ -78,13 +78,10 @@ class Localisation:
             return NOTHING_KNOWN
         since_m = path_m - self._known_path_m
         (xx, xy, _), (_, yy, _), (_, _, heading) = self._covariance.tolist()
-        middle, apart = (xx + yy) / 2, hypot((xx - yy) / 2, xy)
-        worst_m, least_m = (
-            min(sqrt(max(variance, 0.0)) + SD_M_PER_M * since_m, SD_MAX_M)
-            for variance in (middle + apart, middle - apart)
-        )
+        *variances, worst_rad = principal_axes(xx, xy, yy)
+        worst_m, least_m = (min(sqrt(max(variance, 0.0)) + SD_M_PER_M * since_m, SD_MAX_M) for variance in variances)
         heading_rad = sqrt(max(heading, 0.0)) + SD_RAD_PER_M * since_m
-        return Uncertainty(worst_m, least_m, atan2(2 * xy, xx - yy) / 2, min(heading_rad, pi))
+        return Uncertainty(worst_m, least_m, worst_rad, min(heading_rad, pi))
 
     def _set(self, path_m: float, sd_m: float, sd_rad: float) -> None:
         self._covariance, self._known_path_m = np.diag([sd_m**2, sd_m**2, sd_rad**2]), path_m

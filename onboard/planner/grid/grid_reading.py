@@ -18,7 +18,6 @@ from onboard.planner.grid.grid_map import (
     Cell,
     GridMap,
     Mask,
-    SquaredDistances,
     close_slivers,
 )
 from onboard.planner.zones.zone_cells import NO_GO, marked, unmarked
@@ -85,16 +84,11 @@ def without_zones(grid: GridMap) -> GridMap:
 def _empty_like(grid: GridMap) -> GridMap:
     """Of which nothing is known."""
     shape = grid.cells.shape
-    return _with(
-        replace(grid, cells=np.zeros(shape, np.uint8)),
-        np.full(shape, CLEARANCE_MAX_CELLS**2, np.int16),
-        np.zeros(shape, np.bool_),
+    empty = replace(grid, cells=np.zeros(shape, np.uint8))
+    vars(empty).update(  # where its cached properties look
+        wall_distance2=np.full(shape, CLEARANCE_MAX_CELLS**2, np.int16), frontier=np.zeros(shape, np.bool_)
     )
-
-
-def _with(grid: GridMap, wall_distance2: SquaredDistances, frontier: Mask) -> GridMap:
-    vars(grid).update(wall_distance2=wall_distance2, frontier=frontier)  # where its cached properties look
-    return grid
+    return empty
 
 
 def _place(grid: GridMap, on: GridMap) -> Cell:
