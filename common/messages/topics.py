@@ -126,7 +126,13 @@ GRID = _topic(
     "mmu/grid", GridUpdate, MAP_RATE_MAX_HZ, QosProfile.STATE, "planner poi visualizer ros", "lfc_mmu_pln", "on change"
 )
 TRAJECTORY = _topic(
-    "mmu/trajectory", Trajectory, 0.0, QosProfile.STATE, f"{PEOPLE} ros", "lfc_mmu_cm", "when the past was corrected"
+    "mmu/trajectory",
+    Trajectory,
+    0.0,
+    QosProfile.STATE,
+    f"poi {PEOPLE} ros",
+    "lfc_mmu_poi lfc_mmu_cm",
+    "when the past was corrected",
 )
 POSE_ANSWER = _topic(
     "mmu/pose_answer", PoseAnswer, 0.0, QosProfile.STATE, "recorder command_center", note="to a pose that was stated"

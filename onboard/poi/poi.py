@@ -1,7 +1,8 @@
 """Node `poi` on the Raspberry Pi: pose, echoes and camera in; one record per door, and requests for another photo, out.
 
-Reads POSE, RANGES, MAP and PERMIT, and frames from its source. Writes POI (an event when a door was read, or was passed
-unread), RETAKE (to the planner), status and log. A latched stop ends the taking of photos until it is released.
+Reads POSE, RANGES, MAP, TRAJECTORY and PERMIT, and frames from its source. Writes POI (an event when a door was read,
+or was passed unread), RETAKE (to the planner), status and log. A latched stop ends the taking of photos until it is
+released.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from onboard.poi.camera.frame import FULL_SIZE_PX
 from onboard.poi.camera.frame_source import FrameSource
 from onboard.poi.doors.door_association import Door, State
 from onboard.poi.doors.door_detection import ColourBox
+from onboard.poi.doors.observations import Place, move
 from onboard.poi.doors.published import SAME_RECORD_M, PublishedRecords
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.retake import VISITS_MAX, Phase, Retake, after, begin, plate_spots, pose_before
@@ -78,7 +80,7 @@ class Poi:
         self._board = board
         self._retake = Retake()
         self._photos_before = 0
-        self._visits: list[WallPoint] = []
+        self._visits: list[Place] = []
         self._published = PublishedRecords() if published is None else published
         self._record_due_s = 0.0
         self._proposal = ""
@@ -86,7 +88,9 @@ class Poi:
     def step(self, bus: Bus, now_s: float) -> None:
         permit = bus.latest(PERMIT)
         stopped = permit is not None and bool(permit.stop_sources)
-        self._survey.receive(bus, now_s)
+        for shift in self._survey.receive(bus, now_s):
+            self._published.move(shift)
+            move(self._visits, shift)
         if stopped:
             self._survey.health.paused(now_s)
         else:
@@ -126,11 +130,12 @@ class Poi:
             sign = door.sign
             content = (door.state.value, sign.number if sign else "", sign.room_type if sign else "")
             quality = sign.photo_quality if sign else 0.0
-            moved_m = last.point.distance_m(door.centre)
+            moved_m = last.sent.distance_m(door.centre)
             if content == last.content and moved_m < MOVED_M:
                 continue
             photo = sign.photo if sign is not None and quality > last.quality else b""
-            last.point, last.sign, last.content = door.centre, sign, content
+            last.place, last.sent = Place.of(door.centre, door.seen_s), door.centre
+            last.sign, last.content = sign, content
             last.quality = max(quality, last.quality)
             self._published.changed()
             bus.publish(POI, _record(door, last.poi_id, photo, now_s))
@@ -165,13 +170,13 @@ class Poi:
                 goal = pose_before(self._survey.map.facing(spot), distance_m)
                 # A place behind a wall is near in a straight line only
                 if self._survey.map.in_sight(pose, goal):
-                    self._visits.append(spot)
+                    self._visits.append(Place.of(spot, now_s))
                     self._retake, command = begin(goal, now_s)
                     bus.publish(RETAKE, PoiRequest(now_s, command, goal.x_m, goal.y_m, goal.heading_rad))
                     return
 
     def _visits_of(self, spot: WallPoint) -> int:
-        return sum(visited.distance_m(spot) < SAME_RECORD_M for visited in self._visits)
+        return sum(visited.point.distance_m(spot) < SAME_RECORD_M for visited in self._visits)
 
     def _go_on_with_retake(self, bus: Bus, now_s: float, pose: Pose2) -> None:
         survey = self._survey

@@ -18,7 +18,7 @@ from common.constants import SONAR_RIGHT
 from common.geometry import Pose2, wrap_angle
 from common.messages.mapping import PoseEstimate
 from common.messages.motion import Ranges
-from common.messages.topics import MAP, POSE, RANGES
+from common.messages.topics import MAP, POSE, RANGES, TRAJECTORY
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import FULL_SIZE_PX, PREVIEW_SIZE_PX, Frame, Image
 from onboard.poi.camera.frame_health import FrameHealth
@@ -27,6 +27,7 @@ from onboard.poi.doors.door_detection import ColourBox, DoorDetector
 from onboard.poi.doors.door_records import DoorRecords
 from onboard.poi.doors.door_view import look_for_doors
 from onboard.poi.placement.imaged_wall import ImagedWall
+from onboard.poi.placement.map_shift import BelievedPath, MapShift
 from onboard.poi.placement.pose_history import PoseHistory
 from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker
 from onboard.poi.placement.wall_map import WallMap
@@ -73,6 +74,7 @@ class Survey:
         self._full_camera = CameraModel(*FULL_SIZE_PX, field_of_view_rad)
         self._preview_camera = self._full_camera.resized(*PREVIEW_SIZE_PX)
         self._walls = WallTracker()
+        self._path = BelievedPath()
         self._doors = DoorDetector(boxes)
         self._held: Frame | None = None  # a preview that waits for its pose
         self._full: Frame | None = None
@@ -80,8 +82,8 @@ class Survey:
         self._last: Pose2 | None = None
         self._full_at_m, self._full_at_s = -inf, -inf
 
-    def receive(self, bus: Bus, now_s: float) -> None:
-        """Takes poses, echoes and the map from the bus."""
+    def receive(self, bus: Bus, now_s: float) -> list[MapShift]:
+        """Takes poses, echoes and the map from the bus; returns how the map has moved, as all observations have."""
         for update in bus.take(MAP):
             self.map.add(update)
         arrived_s = now_s - bus.age_s(POSE)
@@ -90,6 +92,11 @@ class Survey:
                 self._add_pose(estimate, arrived_s)
         for ranges in bus.take(RANGES):
             self._add_echo(ranges)
+        shifts = [self._path.update(trajectory, self.history) for trajectory in bus.take(TRAJECTORY)]
+        for shift in shifts:
+            self.records.move(shift)
+            self.imaged.move(shift)
+        return shifts
 
     def look(self, now_s: float, holding: bool) -> None:
         """Handles what source and worker have; `holding`: the robot stands and takes photos of what is in view."""
@@ -159,7 +166,7 @@ class Survey:
         camera = self._preview_camera
         if image.shape[1::-1] != PREVIEW_SIZE_PX:
             image = cv2.resize(image, PREVIEW_SIZE_PX, interpolation=cv2.INTER_AREA)
-        self.imaged.add(pose, wall, camera)
+        self.imaged.add(pose, wall, camera, now_s)
         self.wall_m = wall.distance_m
         look_for_doors(image, camera, pose, wall, self._doors, self.records, self._driven_m, now_s)
         spaced = self._driven_m - self._full_at_m >= min(FULL_SPACING_M, FULL_SPACING_RAD * wall.distance_m)

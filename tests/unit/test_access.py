@@ -51,7 +51,7 @@ def test_tokens_are_said_by_their_own_role_only() -> None:
 def test_only_who_reads_a_state_or_records_may_ask_for_what_was_said() -> None:
     states = {topic.key for topic in TOPICS if topic.qos is QosProfile.STATE}
     assert queried_keys("viewer") == []
-    assert queried_keys("pi") == ["mmu/map", "mmu/grid"]
+    assert queried_keys("pi") == ["mmu/map", "mmu/grid", "mmu/trajectory"]
     assert set(queried_keys("command_center")) == states - {"mmu/grid"}
     assert states | COMMANDS <= set(queried_keys("laptop"))
     assert "mmu/pose" not in queried_keys("laptop")

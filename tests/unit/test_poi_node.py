@@ -16,11 +16,11 @@ from common.constants import CAMERA_HEIGHT_M
 from common.errors import ErrorCode
 from common.geometry import Pose2
 from common.messages.health import Status
-from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
 from common.messages.motion import Ranges
 from common.messages.points_of_interest import PoiCommand, PointOfInterest, PoiRequest
 from common.messages.stop import Permit
-from common.messages.topics import MAP, PERMIT, POI, POSE, RANGES, RETAKE, STATUS
+from common.messages.topics import MAP, PERMIT, POI, POSE, RANGES, RETAKE, STATUS, TRAJECTORY
 from common.side_work import JobOutcome
 from onboard.poi.camera.camera_model import CameraModel
 from onboard.poi.camera.frame import Frame, Image
@@ -103,8 +103,11 @@ class Story:
             self.others.take(topic)
         self.records: dict[int, PointOfInterest] = {}
         self.requests: list[PoiRequest] = []
-        points = np.array([(shift_m + x / 10, -WALL_M) for x in range(-10, 80)], np.float32)
-        self.others.publish(MAP, MapUpdate(0.0, 1, 0, points, np.zeros(len(points), np.uint8)))
+        self.publish_map()
+
+    def publish_map(self) -> None:
+        points = np.array([(self.shift_m + x / 10, -WALL_M) for x in range(-10, 80)], np.float32)
+        self.others.publish(MAP, MapUpdate(self.now_s, 1, 0, points, np.zeros(len(points), np.uint8)))
 
     def _read(self, job: Job) -> Reading:
         reading = self._reads[min(len(self.jobs), len(self._reads) - 1)]
@@ -263,6 +266,30 @@ def test_after_a_restart_records_keep_their_numbers_and_new_ones_go_on(tmp_path:
 def test_where_the_file_is_damaged_numbers_begin_anew(text: str, tmp_path: Path) -> None:
     (tmp_path / "doors.json").write_text(text, encoding="utf-8")
     assert len(PublishedRecords(tmp_path / "doors.json")) == 0
+
+
+@pytest.mark.parametrize("plain", [False, True], ids=["with a plate", "without one"])
+def test_record_moves_with_the_map_and_is_the_same_when_the_door_is_passed_again(plain: bool) -> None:
+    """A loop closure puts the hall 0.9 m further along: further than doors stand apart."""
+    story = Story([plate("304")])
+    story.wall.plain = plain
+    story.drive_to(7.5)
+    (before,) = story.records.values()
+    story.shift_m = 0.9
+    story.publish_map()
+    times_s = np.arange(0.0, story.now_s, 2.0)
+    poses = np.column_stack([0.9 + SPEED_M_S * times_s, 0.0 * times_s, 0.0 * times_s])
+    story.others.publish(TRAJECTORY, Trajectory(story.now_s, times_s, poses))
+    story.stand(2.0)
+    (moved,) = story.records.values()
+    assert (moved.x_m - before.x_m, moved.y_m) == pytest.approx((0.9, before.y_m), abs=0.03)
+    assert moved.poi_id == before.poi_id
+    story.wall.x_m = 0.0
+    story.drive_to(7.5)
+    (again,) = story.records.values()
+    assert again.x_m == pytest.approx(moved.x_m, abs=0.05)
+    assert again.number == before.number == ("" if plain else "304")
+    assert story.requests == []
 
 
 def test_lost_frames_are_an_error_that_heals_and_stops_nothing() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, nan, pi, radians, sin
+from math import cos, inf, nan, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.geometry import Pose2
-from common.messages.mapping import MapUpdate, PoseEstimate
+from common.messages.mapping import MapUpdate, PoseEstimate, Trajectory
 from onboard.poi.camera.camera_model import CameraModel
+from onboard.poi.placement.map_shift import BelievedPath, MapShift
 from onboard.poi.placement.pose_history import PoseHistory
 from onboard.poi.placement.wall_line import WallLine, WallPoint, WallTracker
 from onboard.poi.placement.wall_map import WallMap
@@ -116,6 +117,45 @@ def test_motion_is_unknown_before_two_poses_and_measured_after() -> None:
         history.add(estimate(0.1 * i, 0.0, heading_rad=0.1 * i), now_s=0.1 * i)
     speed_m_s, rate_rad_s = history.motion()
     assert (speed_m_s, rate_rad_s) == pytest.approx((0.0, 1.0))
+
+
+TIMES_S = np.array([1.0, 2.0, 3.0])
+POSES = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [2.0, 1.0, 3.1]])
+poses_on_maps = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-pi, pi))
+
+
+@given(st.lists(poses_on_maps, min_size=3, max_size=3), poses_on_maps, st.floats(1.0, 9.0))
+def test_what_was_seen_moves_with_the_keyframe_before_it(
+    now: list[tuple[float, float, float]], place: tuple[float, float, float], seen_s: float
+) -> None:
+    moved = MapShift(TIMES_S, POSES, np.array(now)).moved(np.array([place]), [seen_s])
+    node = min(int(seen_s), 3) - 1
+    seen = Pose2.from_array(POSES[node]).between(Pose2(*place))
+    expected = Pose2(*now[node]).compose(seen)
+    assert Pose2.from_array(moved[0]).distance_m(expected) < 1e-6
+    assert cos(moved[0, 2] - expected.heading_rad) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("times_s", [TIMES_S, [5.0, 9.0, 2.0]], ids=["one session", "two sessions of the board"])
+def test_what_was_seen_before_the_keyframes_of_the_session_stays(times_s: list[float]) -> None:
+    shift = MapShift(np.array(times_s), POSES, POSES + 1.0)
+    assert shift.moved(np.zeros((2, 3)), [0.5, -inf]).tolist() == np.zeros((2, 3)).tolist()
+
+
+def test_a_path_is_compared_with_where_it_lay_before_and_at_first_with_where_the_robot_was() -> None:
+    path, history = BelievedPath(), PoseHistory()
+    for i in range(35):
+        history.add(estimate(1000.0 + 0.1 * i, 0.1 * i), now_s=0.1 * i)
+
+    def moved_m(*x_m: float) -> list[float]:
+        """Of something that was seen from each keyframe."""
+        poses = np.array([(x, 0.0, 0.0) for x in x_m])
+        shift = path.update(Trajectory(0.0, 1001.0 + np.arange(len(x_m)), poses), history)
+        return shift.moved(np.zeros((len(x_m), 3)), 1.0 + np.arange(len(x_m)))[:, 0].tolist()
+
+    assert moved_m(1.1, 2.2) == pytest.approx([0.1, 0.2])
+    assert moved_m(1.1, 2.3, 3.5) == pytest.approx([0.0, 0.1, 0.5])
+    assert moved_m(1.1, 2.3, 3.5, 9.0) == pytest.approx([0.0, 0.0, 0.0, 0.0])  # where it was then is not known
 
 
 def wall_map(points: list[tuple[float, float]]) -> WallMap:

@@ -13,7 +13,8 @@ from onboard.poi.doors.door_association import Door, associated
 from onboard.poi.doors.door_detection import Side
 from onboard.poi.doors.hall_order import out_of_order
 from onboard.poi.doors.jamb_lines import JambView
-from onboard.poi.doors.observations import NUMBERED, Edge, Jamb, Place, Sign, same_wall
+from onboard.poi.doors.observations import NUMBERED, Edge, Jamb, Place, Sign, move, same_wall
+from onboard.poi.placement.map_shift import MapShift
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.signs.sign_reading import SignReading
 from onboard.poi.signs.site_numbers import SiteNumbers
@@ -119,6 +120,11 @@ class DoorRecords:
         if sign is None:
             sign = self.add_sign(point, now_s)
         sign.blanks += 1
+
+    def move(self, shift: MapShift) -> None:
+        """Moves all that was observed with the map."""
+        placed: list[_Placed] = [*self.edges, *self.jambs, *self.signs]
+        move([*(one.place for one in placed), *self.handles], shift)
 
     def doors(self) -> list[Door]:
         """Doors with their plates, and plates that stand alone; judged and associated anew in every call."""

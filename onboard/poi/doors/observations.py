@@ -5,13 +5,18 @@ A place is the mean of its observations. The photos of a sign vote on its text: 
 
 from __future__ import annotations
 
+from cmath import rect
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, sin
+
+import numpy as np
 
 from common.geometry import wrap_angle
 from onboard.poi.doors.door_detection import Side
 from onboard.poi.doors.jamb_lines import JambView
+from onboard.poi.placement.map_shift import MapShift
 from onboard.poi.placement.wall_line import WallPoint
 from onboard.poi.signs.number_forms import RoomNumber
 from onboard.poi.signs.sign_reading import SignReading, Verdict
@@ -52,6 +57,15 @@ class Place:
         self.y_m += share * (point.y_m - self.y_m)
         self.normal_x += cos(point.normal_rad)
         self.normal_y += sin(point.normal_rad)
+
+
+def move(places: Sequence[Place], shift: MapShift) -> None:
+    """Moves places with the map, each with the part of it from which it was seen last."""
+    was = np.array([[place.x_m, place.y_m, 0.0] for place in places]).reshape(-1, 3)
+    for place, (x_m, y_m, turn_rad) in zip(places, shift.moved(was, [p.seen_s for p in places]).tolist(), strict=True):
+        place.x_m, place.y_m = x_m, y_m
+        normal = complex(place.normal_x, place.normal_y) * rect(1.0, turn_rad)
+        place.normal_x, place.normal_y = normal.real, normal.imag
 
 
 @dataclass(slots=True)

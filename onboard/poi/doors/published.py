@@ -8,14 +8,15 @@ from __future__ import annotations
 import json
 import logging
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
 from common.fields import POI_ID_MAX
 from common.kept_file import KeptFile
 from onboard.poi.doors.door_association import Door, State
-from onboard.poi.doors.observations import Sign
+from onboard.poi.doors.observations import Place, Sign, move
+from onboard.poi.placement.map_shift import MapShift
 from onboard.poi.placement.wall_line import WallPoint
 
 DOORS_NAME = "doors.json"  # in the log folder of poi; belongs to the map of mmu
@@ -27,10 +28,11 @@ _log = logging.getLogger("poi")
 
 @dataclass(slots=True)
 class Published:
-    """A record as it was published last."""
+    """A record as it was published last, with the place that was published and where that lies by now."""
 
     poi_id: int
-    point: WallPoint
+    place: Place
+    sent: WallPoint
     content: tuple[str, str, str] = UNPUBLISHED  # state, number, room type
     quality: float = -2.0
     sign: Sign | None = field(default=None, compare=False)  # as this process observed it
@@ -55,14 +57,18 @@ class PublishedRecords:
         for record in self._records:
             if door.sign is not None and record.sign is door.sign:
                 return record
-        nearest = min(self._records, key=lambda record: record.point.distance_m(door.centre), default=None)
-        return nearest if nearest is not None and nearest.point.distance_m(door.centre) < SAME_RECORD_M else None
+        nearest = min(self._records, key=lambda record: record.place.point.distance_m(door.centre), default=None)
+        return nearest if nearest is not None and nearest.place.point.distance_m(door.centre) < SAME_RECORD_M else None
 
     def begin(self, door: Door) -> Published:
         """A new record, with the next number."""
         number = 1 + max((record.poi_id for record in self._records), default=0)
-        self._records.append(Published(number, door.centre))
+        self._records.append(Published(number, Place.of(door.centre, door.seen_s), door.centre))
         return self._records[-1]
+
+    def move(self, shift: MapShift) -> None:
+        """Moves all of them with the map; what was known before a restart stays."""
+        move([record.place for record in self._records], shift)
 
     def changed(self) -> None:
         self._kept.changed()
@@ -76,7 +82,7 @@ class PublishedRecords:
 
 
 def _row(record: Published) -> list[Any]:
-    point = record.point
+    point = record.place.point
     return [record.poi_id, point.x_m, point.y_m, point.normal_rad, *record.content, record.quality]
 
 
@@ -99,4 +105,5 @@ def _record(row: list[Any]) -> Published:
         raise ValueError(f"no record: {row}")
     if not all(isfinite(value) for value in numbers):
         raise ValueError(f"no place: {row}")
-    return Published(poi_id, WallPoint(x_m, y_m, normal_rad), texts, quality)
+    point = WallPoint(x_m, y_m, normal_rad)
+    return Published(poi_id, Place.of(point, -inf), point, texts, quality)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import bisect
 from math import hypot, inf
 
-from common.geometry import Pose2, wrap_angle
+from common.geometry import FloatArray, Pose2, wrap_angle
 from common.messages.mapping import PoseEstimate
 
 KEPT = 600  # poses, one minute
@@ -38,6 +38,10 @@ class PoseHistory:
     def stamp_s(self, t_s: float) -> float:
         """A time of this board on the clock of the mapping unit."""
         return t_s - self._offset_s
+
+    def here_s(self, stamps_s: FloatArray) -> FloatArray:
+        """Times of the mapping unit's clock on that of this board; none before its first pose."""
+        return stamps_s + self._offset_s
 
     @property
     def newest(self) -> Pose2 | None:
