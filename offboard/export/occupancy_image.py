@@ -85,7 +85,8 @@ def sightlines(times_s: FloatArray, poses: FloatArray, ranges_s: FloatArray, ran
 def occupancy_image(walls_m: Points, driven_m: Points, seen_m: Points) -> OccupancyImage:
     """Wall points win over what was driven or looked through; all (N, 2)."""
     everything = np.concatenate([walls_m, driven_m, np.zeros((1, 2))])
-    low = np.floor((everything.min(axis=0) - MARGIN_M) / CELL_M) * CELL_M
+    # As `map.yaml` has it, so that a point on the border of two cells falls into the same one for whoever reads it
+    low = np.round(np.floor((everything.min(axis=0) - MARGIN_M) / CELL_M) * CELL_M, 3)
     size = np.ceil((everything.max(axis=0) + MARGIN_M - low) / CELL_M).astype(int)
     cells = np.full((size[1], size[0]), UNKNOWN, np.uint8)
     reach = np.arange(-FOOTPRINT_RADIUS_M, FOOTPRINT_RADIUS_M + 1e-9, CELL_M)

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+from dataclasses import replace
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from offboard.export.plan import make_plan
 from offboard.export.sheet import BLOCK_MM, MARGIN_MM
 from offboard.export.tiles import OVERLAP_MM, layout
 from offboard.export.title import TitleBlock
-from offboard.runs.run_folder import MapData
+from offboard.runs.run_folder import MAP_POINTS_NAME, MapData, read_map_points
 from tests.unit.export_scenes import HALL_M, hall, run_tool, write_run
 
 pyogrio = pytest.importorskip("pyogrio")
@@ -251,3 +252,12 @@ def test_map_server_reads_walls_free_floor_and_unknown_where_they_are(tmp_path: 
     assert around(5.0, 0.0) == {0}
     assert 100 in around(5.0, -1.0)
     assert around(5.0, -1.5) == {-1}
+
+
+def test_a_wall_point_on_the_border_of_two_cells_is_in_the_one_where_a_map_server_looks(tmp_path: Path) -> None:
+    data = hall()
+    image = exported(tmp_path, "pgm", replace(data, points_m=data.points_m - (1.05, 0.0)))
+    cells, resolution, origin = map_server(image.with_suffix(".yaml"))
+    points_m, _ = read_map_points(tmp_path / "run" / MAP_POINTS_NAME)
+    columns, rows = np.floor((points_m - origin[:2]) / resolution).astype(int).T
+    assert (cells[rows, columns] == 100).all()
